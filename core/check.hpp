@@ -1,0 +1,49 @@
+// Errors with an exit code, and the one macro that raises them.
+//
+// Every error says where, which value, and what would be right; the program's
+// main() turns the class into the exit code of the command line contract.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <stdexcept>
+#include <string>
+
+namespace grainclock::core {
+
+/// Exit codes of the program.
+enum class ExitCode { done = 0, bad_input = 2, numerics_failed = 3, file_trouble = 4, stopped = 5 };
+
+class Error : public std::runtime_error {
+ public:
+  Error(ExitCode code, const std::string& text) : std::runtime_error(text), code_(code) {}
+  ExitCode code() const { return code_; }
+
+ private:
+  ExitCode code_;
+};
+
+/// Bad usage or bad content of a scene, study or state (exit code 2).
+struct InputError : Error {
+  explicit InputError(const std::string& text) : Error(ExitCode::bad_input, text) {}
+};
+/// Blow-up, overlap beyond a limit, lost ball (exit code 3).
+struct NumericsError : Error {
+  explicit NumericsError(const std::string& text) : Error(ExitCode::numerics_failed, text) {}
+};
+/// A missing, unreadable or unwritable file (exit code 4).
+struct FileError : Error {
+  explicit FileError(const std::string& text) : Error(ExitCode::file_trouble, text) {}
+};
+/// Stopped by a signal after a checkpoint (exit code 5).
+struct Stopped : Error {
+  explicit Stopped(const std::string& text) : Error(ExitCode::stopped, text) {}
+};
+
+}  // namespace grainclock::core
+
+/// Throws InputError with a formatted text (fmt syntax) unless `condition` holds.
+#define GC_REQUIRE(condition, ...)                                       \
+  do {                                                                   \
+    if (!(condition)) throw ::grainclock::core::InputError(fmt::format(__VA_ARGS__)); \
+  } while (false)

@@ -1,0 +1,46 @@
+// What files, builders and steppers exchange: the balls of a scene at one time.
+#pragma once
+
+#include <Eigen/Core>
+
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+namespace grainclock::core {
+
+using Vec3 = Eigen::Vector3d;
+using BallId = std::int64_t;
+
+/// Content moves; wall and plug balls never do. The plug is there while the outlet is closed.
+enum class Kind : std::uint8_t { content = 0, wall = 1, plug = 2 };
+std::string_view name(Kind kind);
+
+/// Balls in increasing order of id, every kind together; SI units.
+/// All vectors have the same length, except the optional ones, which may be empty.
+struct State {
+  double time = 0.0;                 // s
+  std::vector<BallId> id;            // unique, increasing
+  std::vector<Kind> kind;
+  std::vector<Vec3> position;        // m
+  std::vector<Vec3> velocity;        // m/s, zero for fixed balls
+  std::vector<double> radius;        // m
+
+  // Optional, for a bitwise restart: where the last forces were evaluated
+  // (predicted velocities differ from corrected ones), the ball's level, and
+  // whether it has had its first impact.
+  std::vector<Vec3> evaluated_position;  // m
+  std::vector<Vec3> evaluated_velocity;  // m/s
+  std::vector<std::uint8_t> level;
+  std::vector<std::uint8_t> impacted;
+
+  std::size_t size() const { return id.size(); }
+  std::size_t count(Kind wanted) const;
+  void add(BallId ball, Kind its_kind, const Vec3& at, const Vec3& v, double r);
+};
+
+/// Throws InputError (naming `source` and the ball) unless ids are unique and
+/// increasing, numbers finite, radii positive, and fixed balls at rest.
+void validate(const State& state, std::string_view source);
+
+}  // namespace grainclock::core

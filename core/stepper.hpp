@@ -1,0 +1,80 @@
+// What a run needs from any stepper, uniform or multi-rate.
+#pragma once
+
+#include "core/ledger.hpp"
+#include "core/scene.hpp"
+#include "core/state.hpp"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace grainclock::core {
+
+/// One touching (or cohering) pair at a synchronised time.
+struct Contact {
+  BallId i, j;        // i is content
+  Kind other;         // kind of j
+  double overlap;     // m
+  double rate;        // m/s, d(overlap)/dt
+  Vec3 force;         // N, on i
+};
+
+/// Work done so far.
+struct Costs {
+  std::uint64_t contact_evaluations = 0;  // every pair distance computed in force sweeps and classification
+  std::uint64_t ball_updates = 0;         // every advance of a ball by a step of its own
+  std::uint64_t list_builds = 0;
+  std::uint64_t events = 0;               // event corrections applied
+  std::uint64_t missed_contacts = 0;      // pairs that touched while skipped
+};
+
+/// Counts per level, averaged over the run; level 0 is the finest.
+struct LevelStatistics {
+  std::vector<double> step;       // s
+  std::vector<double> balls;      // mean number of balls stepped at this level
+  std::vector<double> contacts;   // mean number of contacts evaluated at this level
+};
+
+/// A content system between synchronised times. All calls see and leave a synchronised state.
+class Stepper {
+ public:
+  virtual ~Stepper() = default;
+
+  /// Advances by n coarsest steps. Throws NumericsError (blow-up, overlap beyond the limit, lost ball).
+  virtual void advance(std::int64_t n) = 0;
+  /// The coarsest step [s].
+  virtual double step() const = 0;
+  /// Steps taken since construction (or the tick given to it).
+  virtual std::int64_t steps_done() const = 0;
+  /// Whether a checkpoint taken now continues bitwise; uniform stepping: always.
+  virtual bool is_checkpointable() const = 0;
+
+  /// Every ball that is still there, by id; with the optional restart members filled.
+  virtual State state() const = 0;
+  virtual std::vector<Contact> contacts() const = 0;
+  virtual Energies energies() const = 0;
+  virtual const Ledger& ledger() const = 0;
+  virtual Costs costs() const = 0;
+  virtual LevelStatistics level_statistics() const = 0;
+};
+
+/// What a stepper is made from.
+struct StepperSetup {
+  Vec3 gravity{0.0, 0.0, -9.81};
+  Materials materials;
+  Domain domain;
+  Stepping stepping;          // step is set
+  bool outlet_open = false;   // plug balls are ignored while true
+  bool first_impact = false;
+  int threads = 1;
+  double force_limit = 0.0;   // N, beyond it the numerics failed; 0: from the scene (see force_scale)
+  Ledger ledger;              // totals to continue from
+  std::int64_t steps_done = 0;    // restart: step count since the phase's start
+  double skin = 0.0;          // m, floor of the per-ball skin; 0: the default. Never changes results
+};
+
+/// The uniform stepper (core), any integrator. State may hold any kinds of balls.
+std::unique_ptr<Stepper> make_uniform_stepper(const State& state, const StepperSetup& setup);
+
+}  // namespace grainclock::core
