@@ -8,8 +8,6 @@
 #include <string>
 #include <vector>
 
-namespace toml::v3 { class table; }
-
 namespace grainclock::core {
 
 enum class Integrator { lagged, predicted, pece };

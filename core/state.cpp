@@ -1,0 +1,78 @@
+#include "core/state.hpp"
+
+#include "core/check.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace grainclock::core {
+
+std::string_view name(Kind kind) {
+  switch (kind) {
+    case Kind::content: return "content";
+    case Kind::wall: return "wall";
+    case Kind::plug: return "plug";
+  }
+  return "?";
+}
+
+std::size_t State::count(Kind wanted) const {
+  return static_cast<std::size_t>(std::count(kind.begin(), kind.end(), wanted));
+}
+
+void State::add(BallId ball, Kind its_kind, const Vec3& at, const Vec3& v, double r) {
+  id.push_back(ball);
+  kind.push_back(its_kind);
+  position.push_back(at);
+  velocity.push_back(v);
+  radius.push_back(r);
+}
+
+namespace {
+
+template <class Vector>
+void require_length(const Vector& values, std::size_t wanted, bool optional, std::string_view what, std::string_view source) {
+  GC_REQUIRE(values.size() == wanted || (optional && values.empty()),
+             "{}: {} values of {} for {} balls: give one per ball", source, values.size(), what, wanted);
+}
+
+}  // namespace
+
+void validate(const State& state, std::string_view source) {
+  const std::size_t n = state.size();
+  require_length(state.kind, n, false, "kind", source);
+  require_length(state.position, n, false, "position", source);
+  require_length(state.velocity, n, false, "velocity", source);
+  require_length(state.radius, n, false, "radius", source);
+  require_length(state.evaluated_position, n, true, "evaluated_position", source);
+  require_length(state.evaluated_velocity, n, true, "evaluated_velocity", source);
+  require_length(state.level, n, true, "level", source);
+  require_length(state.impacted, n, true, "impacted", source);
+  GC_REQUIRE(std::isfinite(state.time), "{}: time is {}: must be finite", source, state.time);
+
+  for (std::size_t i = 0; i < n; ++i) {
+    const BallId ball = state.id[i];
+    const Vec3& x = state.position[i];
+    const Vec3& v = state.velocity[i];
+    GC_REQUIRE(i == 0 || state.id[i - 1] != ball, "{}: ball {} appears twice: give each ball an id of its own", source, ball);
+    GC_REQUIRE(i == 0 || state.id[i - 1] < ball, "{}: ball {} follows ball {}: sort the balls by id", source, ball,
+               state.id[i - 1]);
+    GC_REQUIRE(state.kind[i] <= Kind::plug, "{}: ball {} has kind number {}: use 0 content, 1 wall or 2 plug", source, ball,
+               static_cast<int>(state.kind[i]));
+    GC_REQUIRE(x.allFinite(), "{}: ball {} has position ({}, {}, {}) m: must be finite", source, ball, x[0], x[1], x[2]);
+    GC_REQUIRE(v.allFinite(), "{}: ball {} has velocity ({}, {}, {}) m/s: must be finite", source, ball, v[0], v[1], v[2]);
+    GC_REQUIRE(std::isfinite(state.radius[i]) && state.radius[i] > 0.0, "{}: ball {} has radius {} m: must be above 0", source,
+               ball, state.radius[i]);
+    GC_REQUIRE(state.kind[i] == Kind::content || v.isZero(0.0),
+               "{}: {} ball {} has velocity ({}, {}, {}) m/s: fixed balls must be at rest", source, name(state.kind[i]), ball,
+               v[0], v[1], v[2]);
+    if (!state.evaluated_position.empty())
+      GC_REQUIRE(state.evaluated_position[i].allFinite(), "{}: ball {} has an evaluated_position that is not finite", source,
+                 ball);
+    if (!state.evaluated_velocity.empty())
+      GC_REQUIRE(state.evaluated_velocity[i].allFinite(), "{}: ball {} has an evaluated_velocity that is not finite", source,
+                 ball);
+  }
+}
+
+}  // namespace grainclock::core

@@ -1,0 +1,148 @@
+#include "core/toml_keys.hpp"
+
+#include "core/check.hpp"
+
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <utility>
+
+namespace grainclock::core {
+namespace {
+
+std::string text_of(const toml::node& node) {
+  std::ostringstream out;
+  node.visit([&out](const auto& value) { out << value; });
+  std::string text = out.str();
+  constexpr std::size_t kLongest = 80;
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  return text.size() > kLongest ? text.substr(0, kLongest) + "..." : text;
+}
+
+}  // namespace
+
+TomlKeys::TomlKeys(const toml::table& table, std::string name, std::string file, const toml::table* original)
+    : table_(&table), original_(original), name_(std::move(name)), file_(std::move(file)) {}
+
+const toml::node* TomlKeys::find(std::string_view key) {
+  allow(key);
+  return table_->get(key);
+}
+
+std::string TomlKeys::where(std::string_view key) const {
+  // A resolved copy has lines of its own: only the user's file counts then.
+  const toml::table& source = original_ ? *original_ : *table_;
+  const toml::node* node = key.empty() ? nullptr : source.get(key);
+  if (node && original_) {
+    const toml::node* resolved = table_->get(key);
+    if (resolved && text_of(*resolved) != text_of(*node)) return file_ + " with --set";
+  }
+  if (!node && !key.empty() && table_->contains(key)) return file_ + " with --set";
+  const auto line = (node ? node->source() : source.source()).begin.line;
+  if (line == 0) return node ? file_ + " with --set" : file_;
+  return fmt::format("{}:{}", file_, line);
+}
+
+void TomlKeys::fail(std::string_view key, std::string_view remedy) const {
+  const toml::node* node = table_->get(key);
+  const std::string table = name_.empty() ? "" : name_ + " ";
+  if (!node) throw InputError(fmt::format("{}: {}{} is missing: {}", where(), table, key, remedy));
+  throw InputError(fmt::format("{}: {}{} = {}: {}", where(key), table, key, text_of(*node), remedy));
+}
+
+std::optional<double> TomlKeys::number(std::string_view key) {
+  const toml::node* node = find(key);
+  if (!node) return std::nullopt;
+  if (!node->is_number()) fail(key, "must be a number");
+  const double value = *node->value<double>();
+  require(std::isfinite(value), key, "must be finite");
+  return value;
+}
+
+std::optional<double> TomlKeys::positive(std::string_view key, std::string_view unit) {
+  const auto value = number(key);
+  require(!value || *value > 0.0, key, fmt::format("must be above 0 {}", unit));
+  return value;
+}
+
+std::optional<std::int64_t> TomlKeys::integer(std::string_view key) {
+  const toml::node* node = find(key);
+  if (!node) return std::nullopt;
+  if (!node->is_integer()) fail(key, "must be a whole number, written without a point");
+  return *node->value<std::int64_t>();
+}
+
+std::optional<bool> TomlKeys::boolean(std::string_view key) {
+  const toml::node* node = find(key);
+  if (!node) return std::nullopt;
+  if (!node->is_boolean()) fail(key, "must be true or false");
+  return *node->value<bool>();
+}
+
+std::optional<std::string> TomlKeys::string(std::string_view key) {
+  const toml::node* node = find(key);
+  if (!node) return std::nullopt;
+  if (!node->is_string()) fail(key, "must be a text in quotes");
+  return *node->value<std::string>();
+}
+
+std::optional<Vec3> TomlKeys::vec3(std::string_view key) {
+  const toml::node* node = find(key);
+  if (!node) return std::nullopt;
+  const toml::array* array = node->as_array();
+  if (!array || array->size() != 3) fail(key, "must be three numbers, as in [0.0, 0.0, -9.81]");
+  Vec3 value;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const toml::node& item = (*array)[axis];
+    if (!item.is_number()) fail(key, "must be three numbers, as in [0.0, 0.0, -9.81]");
+    value[static_cast<Eigen::Index>(axis)] = *item.value<double>();
+  }
+  require(value.allFinite(), key, "must be finite");
+  return value;
+}
+
+std::optional<std::string> TomlKeys::choice(std::string_view key, std::initializer_list<std::string_view> allowed) {
+  auto value = string(key);
+  if (value && std::find(allowed.begin(), allowed.end(), *value) == allowed.end())
+    fail(key, fmt::format("must be \"{}\"", fmt::join(allowed, "\" or \"")));
+  return value;
+}
+
+std::optional<TomlKeys> TomlKeys::table(std::string_view key) {
+  const toml::node* node = find(key);
+  if (!node) return std::nullopt;
+  if (!node->is_table()) fail(key, "must be a table");
+  const toml::node* original = original_ ? original_->get(key) : nullptr;
+  const std::string name = name_.empty() ? fmt::format("[{}]", key) : fmt::format("{} {}", name_, key);
+  return TomlKeys(*node->as_table(), name, file_, original ? original->as_table() : nullptr);
+}
+
+std::vector<TomlKeys> TomlKeys::tables(std::string_view key) {
+  std::vector<TomlKeys> found;
+  const toml::node* node = find(key);
+  if (!node) return found;
+  const toml::array* array = node->as_array();
+  const std::string remedy = fmt::format("must be tables, each headed [[{}]]", key);
+  if (!array) fail(key, remedy);
+  const toml::node* original = original_ ? original_->get(key) : nullptr;
+  const toml::array* originals = original ? original->as_array() : nullptr;
+  for (std::size_t n = 0; n < array->size(); ++n) {
+    const toml::node& item = (*array)[n];
+    if (!item.is_table()) fail(key, remedy);
+    const toml::node* same = originals && n < originals->size() ? originals->get(n) : nullptr;
+    found.emplace_back(*item.as_table(), fmt::format("[[{}]]", key), file_, same ? same->as_table() : nullptr);
+  }
+  return found;
+}
+
+void TomlKeys::finish() const {
+  for (const auto& [key, node] : *table_) {
+    if (known_.contains(key.str())) continue;
+    throw InputError(fmt::format("{}: {}{} is not a key here: write one of {}, or remove it", where(key.str()),
+                                 name_.empty() ? "" : name_ + " ", key.str(), fmt::join(known_, ", ")));
+  }
+}
+
+}  // namespace grainclock::core
