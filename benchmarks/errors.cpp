@@ -1,0 +1,116 @@
+#include "benchmarks/errors.hpp"
+
+#include "core/check.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <unordered_map>
+
+namespace grainclock::benchmarks {
+namespace {
+
+using core::BallId;
+using core::Kind;
+using core::State;
+
+/// Where each ball stands in a state; states of a scene need not share an order or a count.
+std::unordered_map<BallId, std::size_t> content_rows(const State& state) {
+  std::unordered_map<BallId, std::size_t> rows;
+  for (std::size_t row = 0; row < state.size(); ++row) {
+    if (state.kind[row] == Kind::content) rows.emplace(state.id[row], row);
+  }
+  return rows;
+}
+
+double root_mean_square(const std::vector<double>& values) {
+  double sum = 0.0;
+  for (const double value : values) sum += value * value;
+  return std::sqrt(sum / static_cast<double>(values.size()));
+}
+
+ErrorSummary summary(std::vector<double> errors, double scale) {
+  for (double& error : errors) error /= scale;
+  return {root_mean_square(errors), quantile(errors, 0.5), quantile(errors, 0.99)};
+}
+
+}  // namespace
+
+TrajectoryErrors trajectory_errors(const State& start, const State& reference, const State& result,
+                                   std::optional<double> outlet_z) {
+  const auto start_rows = content_rows(start);
+  const auto result_rows = content_rows(result);
+  TrajectoryErrors errors;
+  std::vector<double> moved, speed, position, velocity;
+  for (std::size_t row = 0; row < reference.size(); ++row) {
+    if (reference.kind[row] != Kind::content) continue;
+    if (outlet_z && reference.position[row].z() < *outlet_z) continue;
+    const auto before = start_rows.find(reference.id[row]);
+    if (before == start_rows.end()) continue;
+    const auto after = result_rows.find(reference.id[row]);
+    if (after == result_rows.end()) {
+      ++errors.missing;
+      continue;
+    }
+    moved.push_back((reference.position[row] - start.position[before->second]).norm());
+    speed.push_back(reference.velocity[row].norm());
+    position.push_back((result.position[after->second] - reference.position[row]).norm());
+    velocity.push_back((result.velocity[after->second] - reference.velocity[row]).norm());
+  }
+  GC_REQUIRE(!moved.empty(),
+             "errors: no content ball is in the start, the reference and the result at once; compare states of one scene");
+  errors.compared = moved.size();
+  errors.displacement = root_mean_square(moved);
+  errors.speed = root_mean_square(speed);
+  GC_REQUIRE(errors.displacement > 0.0 && errors.speed > 0.0,
+             "errors: rms displacement {} m and rms speed {} m/s of the reference leave no scale for a relative error; "
+             "take a longer horizon",
+             errors.displacement, errors.speed);
+  errors.position = summary(std::move(position), errors.displacement);
+  errors.velocity = summary(std::move(velocity), errors.speed);
+  return errors;
+}
+
+double quantile(std::vector<double> sample, double q) {
+  GC_REQUIRE(!sample.empty() && q >= 0.0 && q <= 1.0, "quantile {} of {} values does not exist", q, sample.size());
+  std::sort(sample.begin(), sample.end());
+  const double place = q * static_cast<double>(sample.size() - 1);
+  const auto below = static_cast<std::size_t>(place);
+  const std::size_t above = std::min(below + 1, sample.size() - 1);
+  return sample[below] + (place - static_cast<double>(below)) * (sample[above] - sample[below]);
+}
+
+double relative_l2(const std::vector<double>& a, const std::vector<double>& reference) {
+  GC_REQUIRE(a.size() == reference.size(), "relative error of {} values against {}: the lengths must agree", a.size(),
+             reference.size());
+  double difference = 0.0, norm = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    difference += (a[i] - reference[i]) * (a[i] - reference[i]);
+    norm += reference[i] * reference[i];
+  }
+  if (difference == 0.0) return 0.0;
+  return norm > 0.0 ? std::sqrt(difference / norm) : std::numeric_limits<double>::infinity();
+}
+
+std::vector<double> wall_force_by_layer(const State& state, const std::vector<core::Contact>& contacts,
+                                        double thickness) {
+  GC_REQUIRE(thickness > 0.0, "wall force by layer: thickness {} m must be positive", thickness);
+  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+  std::unordered_map<BallId, double> height;
+  for (std::size_t row = 0; row < state.size(); ++row) {
+    if (state.kind[row] != Kind::wall) continue;
+    const double z = state.position[row].z();
+    height.emplace(state.id[row], z);
+    lowest = std::min(lowest, z);
+    highest = std::max(highest, z);
+  }
+  if (height.empty()) return {};
+  std::vector<double> layers(static_cast<std::size_t>((highest - lowest) / thickness) + 1, 0.0);
+  for (const core::Contact& contact : contacts) {
+    if (contact.other != Kind::wall) continue;
+    layers[static_cast<std::size_t>((height.at(contact.j) - lowest) / thickness)] += contact.force.norm();
+  }
+  return layers;
+}
+
+}  // namespace grainclock::benchmarks
