@@ -4,6 +4,9 @@
 #include "core/materials.hpp"
 #include "core/state.hpp"
 
+#include <toml++/impl/forward_declarations.h>
+
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -60,7 +63,8 @@ struct Scene {
   std::uint64_t seed = 1;
   Materials materials;
   std::string initial_state;        // path as seen from the working directory; empty if a [silo] builds one
-  bool has_silo = false;            // silo/ reads the [silo] table from `text`
+  bool has_silo = false;            // the scene builds its own state
+  std::shared_ptr<const toml::table> silo;  // the [silo] table as written, with --set applied; silo/ reads it
   Domain domain;
   std::vector<Phase> phases;
 };

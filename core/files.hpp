@@ -1,0 +1,33 @@
+// Files that never stand half-written under their final name.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace grainclock::core {
+
+/// Write to part(), then commit() renames it to the final name. Without commit() the part is removed.
+/// The part stands in the directory of the final file, so that the rename is atomic.
+class AsideFile {
+ public:
+  explicit AsideFile(std::filesystem::path final_path);
+  ~AsideFile();
+  AsideFile(const AsideFile&) = delete;
+  AsideFile& operator=(const AsideFile&) = delete;
+
+  const std::filesystem::path& part() const { return part_; }
+  /// Flushes the part to the disk and renames it. Throws FileError.
+  void commit();
+
+ private:
+  std::filesystem::path final_path_, part_;
+  bool committed_ = false;
+};
+
+/// Writes a whole text file aside and renames it. Throws FileError.
+void write_text(const std::filesystem::path& path, std::string_view text);
+/// The whole file. Throws FileError where it cannot be read.
+std::string read_text(const std::filesystem::path& path);
+
+}  // namespace grainclock::core
