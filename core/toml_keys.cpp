@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <sstream>
 #include <utility>
 
@@ -19,6 +20,35 @@ std::string text_of(const toml::node& node) {
   constexpr std::size_t kLongest = 80;
   std::replace(text.begin(), text.end(), '\n', ' ');
   return text.size() > kLongest ? text.substr(0, kLongest) + "..." : text;
+}
+
+/// Number of letters to insert, remove or replace to come from one word to the other.
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = row[0]++;
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
+    }
+  }
+  return row.back();
+}
+
+/// The known word closest in spelling; empty if none is near.
+std::string_view closest(std::string_view word, const std::set<std::string, std::less<>>& words) {
+  std::string_view best;
+  std::size_t least = word.size() / 2 + 1;
+  for (const std::string& candidate : words) {
+    const std::size_t distance = edit_distance(word, candidate);
+    if (distance < least) {
+      least = distance;
+      best = candidate;
+    }
+  }
+  return best;
 }
 
 }  // namespace
@@ -40,7 +70,9 @@ std::string TomlKeys::where(std::string_view key) const {
     if (resolved && text_of(*resolved) != text_of(*node)) return file_ + " with --set";
   }
   if (!node && !key.empty() && table_->contains(key)) return file_ + " with --set";
-  const auto line = (node ? node->source() : source.source()).begin.line;
+  const toml::source_region& region = node ? node->source() : source.source();
+  if (region.path && region.path->starts_with("--set ")) return *region.path;
+  const auto line = region.begin.line;
   if (line == 0) return node ? file_ + " with --set" : file_;
   return fmt::format("{}:{}", file_, line);
 }
@@ -140,8 +172,10 @@ std::vector<TomlKeys> TomlKeys::tables(std::string_view key) {
 void TomlKeys::finish() const {
   for (const auto& [key, node] : *table_) {
     if (known_.contains(key.str())) continue;
-    throw InputError(fmt::format("{}: {}{} is not a key here: write one of {}, or remove it", where(key.str()),
-                                 name_.empty() ? "" : name_ + " ", key.str(), fmt::join(known_, ", ")));
+    const std::string_view near = closest(key.str(), known_);
+    throw InputError(fmt::format("{}: unknown key `{}`{}; known keys: {}{}", where(key.str()), key.str(),
+                                 name_.empty() ? " at the top level" : " in " + name_, fmt::join(known_, ", "),
+                                 near.empty() ? "" : fmt::format("; did you mean `{}`?", near)));
   }
 }
 

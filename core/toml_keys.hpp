@@ -41,7 +41,7 @@ class TomlKeys {
   bool has(std::string_view key) const { return table_->contains(key); }
   /// Notes a key as known without reading it.
   void allow(std::string_view key) { known_.emplace(key); }
-  /// "scene.toml:12": the key's place, or the table's where the key is absent.
+  /// "scene.toml:12": the key's place, or the table's where the key is absent; "--set key=value" for such keys.
   std::string where(std::string_view key = {}) const;
   /// Throws InputError "place: [table] key = value: remedy".
   [[noreturn]] void fail(std::string_view key, std::string_view remedy) const;
@@ -49,7 +49,7 @@ class TomlKeys {
   void require(bool condition, std::string_view key, std::string_view remedy) const {
     if (!condition) fail(key, remedy);
   }
-  /// Throws InputError for the first key that no reader asked for, with the list of those known.
+  /// Throws InputError for the first key that no reader asked for, with the known ones and the closest of them.
   void finish() const;
 
  private:
