@@ -1,6 +1,11 @@
 #include "benchmarks/study_table.hpp"
 
+#include "core/files.hpp"
+#include "core/hdf5.hpp"
+
 #include <fmt/format.h>
+
+#include <limits>
 
 namespace grainclock::benchmarks {
 namespace {
@@ -75,6 +80,35 @@ std::string csv(const std::vector<Row>& rows) {
     text += '\n';
   }
   return text;
+}
+
+void write_table(const std::filesystem::path& path, const std::vector<Row>& rows, const std::string& study_text,
+                 const core::Scene& scene, int threads) {
+  core::AsideFile aside(path);
+  core::Hdf5File file = core::Hdf5File::create(aside.part());
+  core::Hdf5Group study = file.create_group("study");
+  for (const Column& column : columns()) {
+    const std::string name(column.name);
+    if (const auto* field = std::get_if<std::string Row::*>(&column.field)) {
+      std::vector<std::string> texts;
+      for (const Row& row : rows) texts.push_back(row.**field);
+      study.write_texts(name, texts);
+    } else {
+      std::vector<double> numbers;
+      for (const Row& row : rows) {
+        numbers.push_back((row.*std::get<Row::Number Row::*>(column.field)).value_or(std::numeric_limits<double>::quiet_NaN()));
+      }
+      study.write(name, numbers);
+      if (!column.unit.empty()) study.write_attribute(name, "unit", std::string(column.unit));
+    }
+  }
+  core::Hdf5Group provenance = file.create_group("provenance");
+  provenance.write_text("study", study_text);
+  provenance.write_text("scene", scene.text);
+  provenance.write("seed", std::vector<std::uint64_t>{scene.seed});
+  provenance.write("threads", std::vector<std::int64_t>{threads});
+  file.close();
+  aside.commit();
 }
 
 }  // namespace grainclock::benchmarks

@@ -306,6 +306,16 @@ void Hdf5Group::write_text(const std::string& name, const std::string& text) {
     fail(name, "cannot be written: " + reason());
 }
 
+void Hdf5Group::write_texts(const std::string& name, const std::vector<std::string>& texts) {
+  const Hdf5Handle type = text_type();
+  const Hdf5Handle dataset = create_dataset(handle_.id(), name, type.id(), {texts.size()});
+  std::vector<const char*> raw;
+  for (const std::string& text : texts) raw.push_back(text.c_str());
+  const bool is_written =
+      dataset.is_valid() && (raw.empty() || H5Dwrite(dataset.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, raw.data()) >= 0);
+  if (!is_written) fail(name, "cannot be written: " + reason());
+}
+
 template <class T>
 void Hdf5Group::write_virtual(const std::string& name, const Shape& row, const std::vector<Hdf5Part>& parts) {
   Shape extents = row;

@@ -63,6 +63,8 @@ class Hdf5Group {
   template <class T> void write(const std::string& name, const std::vector<T>& values, const Shape& shape);
   void write_vectors(const std::string& name, const std::vector<Vec3>& values);
   void write_text(const std::string& name, const std::string& text);
+  /// A column of texts.
+  void write_texts(const std::string& name, const std::vector<std::string>& texts);
   /// An array without content yet, to be filled by write_rows.
   template <class T> void create(const std::string& name, const Shape& shape);
   template <class T> void write_rows(const std::string& name, std::uint64_t first, const std::vector<T>& values);
