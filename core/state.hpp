@@ -20,6 +20,7 @@ std::string_view name(Kind kind);
 /// All vectors have the same length, except the optional ones, which may be empty.
 struct State {
   double time = 0.0;                 // s
+  double length_scale = 0.0;         // m, mean diameter of the content when the run began; 0: not known
   std::vector<BallId> id;            // unique, increasing
   std::vector<Kind> kind;
   std::vector<Vec3> position;        // m

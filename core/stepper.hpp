@@ -68,8 +68,9 @@ struct StepperSetup {
   bool outlet_open = false;   // plug balls are ignored while true
   bool first_impact = false;
   int threads = 1;
-  double force_limit = 0.0;   // N, beyond it the numerics failed; 0: from the scene (see force_scale)
+  double force_limit = 0.0;   // N, beyond it the numerics failed; 0: from the scene (see force_scale.hpp)
   Ledger ledger;              // totals to continue from
+  Costs costs;                // likewise
   std::int64_t steps_done = 0;    // restart: step count since the phase's start
   double skin = 0.0;          // m, floor of the per-ball skin; 0: the default. Never changes results
 };

@@ -1,0 +1,253 @@
+#include "core/ball_stepper.hpp"
+
+#include "core/check.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace grainclock::core {
+
+namespace {
+
+/// Rows in order of id, so that sums over balls do not depend on the sort in space.
+std::vector<std::uint32_t> by_id(const Balls& balls) {
+  std::vector<std::uint32_t> order(balls.content_count());
+  std::iota(order.begin(), order.end(), 0U);
+  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return balls.id[a] < balls.id[b]; });
+  return order;
+}
+
+std::string point(const Vec3& x) { return fmt::format("({:.6g}, {:.6g}, {:.6g})", x.x(), x.y(), x.z()); }
+
+}  // namespace
+
+BallStepper::BallStepper(const State& state, const StepperSetup& setup, int weight_bits)
+    : setup_(setup), balls_(state, setup.materials, !setup.outlet_open), ledger_(setup.ledger) {
+  GC_REQUIRE(setup.stepping.step.has_value() && *setup.stepping.step > 0.0, "a stepper needs a step above 0 s");
+  step_ = *setup.stepping.step;
+  steps_done_ = first_step_ = setup.steps_done;
+  start_time_ = state.time;
+  length_scale_ = state.length_scale > 0.0 ? state.length_scale : balls_.mean_diameter;
+  const std::size_t ever = balls_.content_count() + static_cast<std::size_t>(ledger_.discharged);
+  scale_ = force_scale(setup.materials, setup.gravity.norm(), length_scale_, weight_bits, ever, setup.force_limit);
+  SkinRule rule = SkinRule::for_diameter(length_scale_);
+  if (setup.skin > 0.0) rule.floor = setup.skin;
+  list_ = NeighbourList(setup.materials.reach(), rule, setup.threads);
+
+  impacted_.assign(balls_.content_count(), 0);
+  std::uint32_t row = 0;
+  for (std::size_t i = 0; i < state.size(); ++i) {
+    if (state.kind[i] != Kind::content) {
+      fixed_.add(state.id[i], state.kind[i], state.position[i], Vec3::Zero(), state.radius[i]);
+      continue;
+    }
+    if (!state.evaluated_position.empty()) {
+      BallRow& r = balls_.rows[row];
+      const Vec3& x = state.evaluated_position[i];
+      const Vec3& v = state.evaluated_velocity[i];
+      r = {x.x(), x.y(), x.z(), r.r, v.x(), v.y(), v.z(), 0.0};
+    }
+    if (!state.impacted.empty()) impacted_[row] = state.impacted[i];
+    ++row;
+  }
+  weigh();
+}
+
+void BallStepper::weigh() {
+  double total = 0.0;
+  for (const std::uint32_t row : by_id(balls_)) total += mass(row);
+  weight_ = total * setup_.gravity;
+}
+
+void BallStepper::load_synchronised(const State& state) {
+  std::vector<std::uint32_t> order = by_id(balls_);
+  auto next = order.begin();
+  for (std::size_t i = 0; i < state.size(); ++i) {
+    if (state.kind[i] != Kind::content) continue;
+    BallRow& r = balls_.rows[*next++];
+    const Vec3& x = state.position[i];
+    const Vec3& v = state.velocity[i];
+    r = {x.x(), x.y(), x.z(), r.r, v.x(), v.y(), v.z(), r.a};
+  }
+}
+
+void BallStepper::build_list(const std::vector<std::uint8_t>& leaving) {
+  const std::vector<std::uint32_t> order = list_.build(balls_, leaving);
+  reorder_like(impacted_, order);
+  if (!evaluated_.empty()) reorder_like(evaluated_, order);
+  follow_order(order);
+  if (!leaving.empty()) weigh();
+}
+
+State BallStepper::state() const {
+  State out;
+  out.time = start_time_ + elapsed();
+  out.length_scale = length_scale_;
+  const std::vector<std::uint8_t> level = levels();
+  std::size_t f = 0;
+  const auto add_fixed = [&](std::size_t k) {
+    out.add(fixed_.id[k], fixed_.kind[k], fixed_.position[k], Vec3::Zero(), fixed_.radius[k]);
+    out.evaluated_position.push_back(fixed_.position[k]);
+    out.evaluated_velocity.push_back(Vec3::Zero());
+    out.level.push_back(0);
+    out.impacted.push_back(0);
+  };
+  for (const std::uint32_t row : by_id(balls_)) {
+    while (f < fixed_.size() && fixed_.id[f] < balls_.id[row]) add_fixed(f++);
+    const BallRow& r = balls_.rows[row];
+    out.add(balls_.id[row], Kind::content, position(r), velocity(r), r.r);
+    out.evaluated_position.push_back(position(evaluated_[row]));
+    out.evaluated_velocity.push_back(velocity(evaluated_[row]));
+    out.level.push_back(level.empty() ? std::uint8_t{0} : level[row]);
+    out.impacted.push_back(impacted_[row]);
+  }
+  while (f < fixed_.size()) add_fixed(f++);
+  return out;
+}
+
+std::vector<Contact> BallStepper::contacts() const {
+  std::vector<Contact> out;
+  for (const bool fixed : {false, true}) {
+    const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
+    const ContactLaw its = law(fixed, 0.0).law;
+    for (std::size_t p = 0; p < pairs.count; ++p) {
+      const BallRow& a = balls_.rows[pairs.i[p]];
+      const BallRow& b = balls_.rows[pairs.j[p]];
+      const Vec3 d = position(a) - position(b);
+      const double distance = d.norm(), overlap = a.r + b.r - distance;
+      if (overlap <= -its.reach) continue;
+      const double rate = -d.dot(velocity(a) - velocity(b)) / distance;
+      const double force = contact_force(its, overlap, rate);
+      if (overlap <= 0.0 && force == 0.0) continue;
+      Contact c{balls_.id_of(pairs.i[p]), balls_.id_of(pairs.j[p]), balls_.kind_of(pairs.j[p]), overlap, rate,
+                force / distance * d};
+      if (!fixed && c.i > c.j) {
+        std::swap(c.i, c.j);
+        c.force = -c.force;
+      }
+      out.push_back(c);
+    }
+  }
+  std::sort(out.begin(), out.end(), [](const Contact& a, const Contact& b) { return std::tie(a.i, a.j) < std::tie(b.i, b.j); });
+  return out;
+}
+
+Energies BallStepper::energies() const {
+  Energies e;
+  for (const std::uint32_t row : by_id(balls_)) {
+    const BallRow& r = balls_.rows[row];
+    e.kinetic += 0.5 * mass(row) * velocity(r).squaredNorm();
+    e.gravity -= mass(row) * setup_.gravity.dot(position(r));
+    e.momentum += mass(row) * velocity(r);
+  }
+  for (const Contact& c : contacts()) {
+    e.elastic += elastic_energy(law(c.other != Kind::content, 0.0).law, c.overlap);
+  }
+  return e;
+}
+
+Costs BallStepper::costs() const {
+  Costs out = costs_;
+  out.list_builds = list_.builds();
+  return out;
+}
+
+std::vector<std::uint8_t> BallStepper::find_leaving() {
+  const Domain& domain = setup_.domain;
+  std::vector<std::uint8_t> leaving;
+  for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
+    const BallRow& r = balls_.rows[row];
+    const Vec3 x = position(r);
+    if (!x.allFinite() || !velocity(r).allFinite()) {
+      throw NumericsError(fmt::format(
+          "ball {} is at {} m with velocity {} m/s at t = {:.6g} s: the numbers are no longer finite; use a smaller step "
+          "(now {:.3g} s)",
+          balls_.id[row], point(x), point(velocity(r)), start_time_ + elapsed(), step_));
+    }
+    if (domain.outlet_z && x.z() < *domain.outlet_z) {
+      if (leaving.empty()) leaving.assign(balls_.content_count(), 0);
+      leaving[row] = 1;
+      continue;
+    }
+    if ((domain.lower && (x.array() < domain.lower->array()).any()) ||
+        (domain.upper && (x.array() > domain.upper->array()).any())) {
+      throw NumericsError(fmt::format(
+          "ball {} left the domain at {} m with velocity {} m/s at t = {:.6g} s, not through the outlet: a hole in the "
+          "wall, a ball over the rim, or a step too large (now {:.3g} s); check the geometry, [domain] and the step",
+          balls_.id[row], point(x), point(velocity(r)), start_time_ + elapsed(), step_));
+    }
+  }
+  if (leaving.empty()) return leaving;
+  const auto leaves = [&](std::uint32_t row) { return row < balls_.content_count() && leaving[row] != 0; };
+  for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
+    if (leaving[row] == 0) continue;
+    const BallRow& r = balls_.rows[row];
+    ++ledger_.discharged;
+    ledger_.removed_momentum += mass(row) * velocity(r);
+    ledger_.removed_energy += mass(row) * (0.5 * velocity(r).squaredNorm() - setup_.gravity.dot(position(r)));
+  }
+  for (const bool fixed : {false, true}) {
+    const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
+    const ContactLaw its = law(fixed, 0.0).law;
+    for (std::size_t p = 0; p < pairs.count; ++p) {
+      if (!leaves(pairs.i[p]) && !leaves(pairs.j[p])) continue;
+      const BallRow& a = balls_.rows[pairs.i[p]];
+      const BallRow& b = balls_.rows[pairs.j[p]];
+      ledger_.removed_energy += elastic_energy(its, a.r + b.r - (position(a) - position(b)).norm());
+    }
+  }
+  return leaving;
+}
+
+void BallStepper::throw_overloaded() const {
+  double worst = -1.0;
+  std::string text = "a contact force is not finite";
+  for (const bool fixed : {false, true}) {
+    const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
+    const ContactLaw its = law(fixed, 0.0).law;
+    for (std::size_t p = 0; p < pairs.count; ++p) {
+      const BallRow& a = balls_.rows[pairs.i[p]];
+      const BallRow& b = balls_.rows[pairs.j[p]];
+      const Vec3 d = position(a) - position(b);
+      const double overlap = a.r + b.r - d.norm();
+      const double rate = -d.dot(velocity(a) - velocity(b)) / d.norm();
+      const double force = std::abs(contact_force(its, overlap, rate));
+      const double excess = std::max(force / scale_.limit, 4.0 * overlap / (a.r + b.r));
+      if (excess < worst) continue;
+      if (std::isfinite(excess)) worst = excess;
+      text = fmt::format("ball {} at {} m, velocity {} m/s, against {} {}: force {:.3g} N (limit {:.3g}), overlap {:.3g} m "
+                         "(limit {:.3g}), rate {:.3g} m/s",
+                         balls_.id_of(pairs.i[p]), point(position(a)), point(velocity(a)),
+                         balls_.kind_of(pairs.j[p]) == Kind::content ? "ball" : name(balls_.kind_of(pairs.j[p])),
+                         balls_.id_of(pairs.j[p]), force, scale_.limit, overlap, (a.r + b.r) / 4.0, rate);
+      if (!std::isfinite(excess)) break;
+    }
+  }
+  throw NumericsError(fmt::format("blow-up in the step that began at t = {:.6g} s (step {:.3g} s): {}; use a smaller step",
+                                  start_time_ + elapsed(), step_, text));
+}
+
+void BallStepper::book_events(const EventBook& book) {
+  std::int64_t dissipated = 0, magnitude = 0, wall[3] = {0, 0, 0};
+  for (const EventBook::Entry& e : book.entries()) {
+    dissipated += e.dissipated;
+    magnitude += e.magnitude;
+    if (e.both) continue;
+    for (int k = 0; k < 3; ++k) wall[k] += e.impulse[k];
+  }
+  ledger_.dissipated += static_cast<double>(dissipated) * book.energy_unit();
+  ledger_.total_impulse += static_cast<double>(magnitude) * book.energy_unit();
+  for (int k = 0; k < 3; ++k) ledger_.wall_impulse[k] += static_cast<double>(wall[k]) * book.impulse_unit();
+  costs_.events += book.entries().size();
+}
+
+void BallStepper::book(const SweepTotals& ball_totals, const SweepTotals& fixed_totals, double weight) {
+  const double total = scale_.total * weight, unit = scale_.unit * weight;
+  ledger_.dissipated += static_cast<double>(ball_totals.power + fixed_totals.power) * total;
+  ledger_.turned_over += static_cast<double>(ball_totals.turned + fixed_totals.turned) * total;
+  ledger_.total_impulse += static_cast<double>(ball_totals.magnitude + fixed_totals.magnitude) * total;
+  for (int k = 0; k < 3; ++k) ledger_.wall_impulse[k] += static_cast<double>(fixed_totals.force[k]) * unit;
+}
+
+}  // namespace grainclock::core

@@ -1,0 +1,93 @@
+// What uniform and selective stepping share: balls, pair list, ledger, and the view from outside.
+#pragma once
+
+#include "core/events.hpp"
+#include "core/neighbours.hpp"
+#include "core/stepper.hpp"
+
+#include <cmath>
+
+namespace grainclock::core {
+
+class BallStepper : public Stepper {
+ public:
+  double step() const final { return step_; }
+  std::int64_t steps_done() const final { return steps_done_; }
+  State state() const final;
+  std::vector<Contact> contacts() const final;
+  Energies energies() const final;
+  const Ledger& ledger() const final { return ledger_; }
+  Costs costs() const final;
+
+ protected:
+  /// Loads the balls; rows hold the points of the last force evaluation if the state knows them.
+  BallStepper(const State& state, const StepperSetup& setup, int weight_bits);
+
+  /// Rows from the evaluated points to the state's positions and velocities.
+  void load_synchronised(const State& state);
+  /// (Re)builds the list around the rows' present values and lets `follow_order` sort what runs beside them.
+  void build_list(const std::vector<std::uint8_t>& leaving = {});
+  /// Sorts the arrays that a stepper keeps beside the rows.
+  virtual void follow_order(std::span<const std::uint32_t> order) = 0;
+
+  /// Rows that have left through the outlet, marked; empty if none. Throws NumericsError for a ball that
+  /// is not finite or left the domain elsewhere (names it). Books what leaves.
+  std::vector<std::uint8_t> find_leaving();
+  /// Throws NumericsError with the worst contact of the evaluation at the rows' present values.
+  [[noreturn]] void throw_overloaded() const;
+  /// Seconds from the start of the time line of this stepper to now.
+  double elapsed() const { return static_cast<double>(steps_done_ - first_step_) * step_; }
+  double mass(std::uint32_t row) const { return 1.0 / balls_.inverse_mass[row]; }
+  SweepLaw law(bool fixed, double step) const { return sweep_law(setup_.materials, fixed, scale_, step); }
+  /// Books `weight` seconds of the powers and wall forces of an evaluation.
+  void book(const SweepTotals& ball_totals, const SweepTotals& fixed_totals, double weight);
+  /// Adds the events' dissipation and impulses to the ledger and moves the balls by the position corrections.
+  /// `force(row)` is the force sum [N] on the ball at its present position: it says what energy a move costs.
+  template <class Force>
+  void apply_position_corrections(const EventBook& book, Force force);
+  void book_gravity(double seconds) { ledger_.gravity_impulse += seconds * weight_; }
+
+  StepperSetup setup_;
+  Balls balls_;
+  NeighbourList list_;
+  ForceScale scale_;
+  Ledger ledger_;
+  Costs costs_;
+  AlignedVector<BallRow> evaluated_;   // content rows of the last evaluation, in the order of balls_
+  std::vector<std::uint8_t> impacted_;  // per content row, only used with first_impact
+  double length_scale_ = 0.0;
+  double step_ = 0.0;
+  std::int64_t steps_done_ = 0, first_step_ = 0;
+
+  /// Level to report per content row; uniform: empty.
+  virtual std::vector<std::uint8_t> levels() const { return {}; }
+
+ private:
+  void book_events(const EventBook& book);
+  void weigh();
+
+  double start_time_ = 0.0;
+  State fixed_;  // wall and plug, as given
+  Vec3 weight_ = Vec3::Zero();  // N, of the content
+};
+
+template <class Force>
+void BallStepper::apply_position_corrections(const EventBook& book, Force force) {
+  book_events(book);
+  std::int64_t work = 0;  // an integer, so that the order does not matter
+  for (const Shift& shift : shifts(book.entries())) {
+    BallRow& row = balls_.rows[shift.row];
+    const double per_unit = book.displacement_unit() * balls_.inverse_mass[shift.row];
+    const Vec3 move(static_cast<double>(shift.displacement[0]) * per_unit,
+                    static_cast<double>(shift.displacement[1]) * per_unit,
+                    static_cast<double>(shift.displacement[2]) * per_unit);
+    row.x += move.x();
+    row.y += move.y();
+    row.z += move.z();
+    const Vec3 pull = force(shift.row) + mass(shift.row) * setup_.gravity;
+    work -= std::llround(pull.dot(move) / book.energy_unit());
+  }
+  ledger_.event_work += static_cast<double>(work) * book.energy_unit();
+}
+
+}  // namespace grainclock::core

@@ -1,0 +1,61 @@
+#include "core/balls.hpp"
+
+#include "core/check.hpp"
+
+#include <algorithm>
+#include <numbers>
+
+namespace grainclock::core {
+
+namespace {
+
+BallRow row_of(const Vec3& x, const Vec3& v, double r) { return {x.x(), x.y(), x.z(), r, v.x(), v.y(), v.z(), 0.0}; }
+
+// Pairs of these two never touch and stay finite in every intermediate of the sweep.
+constexpr double kFar = 1e100;
+
+}  // namespace
+
+Balls::Balls(const State& state, const Materials& materials, bool with_plug) {
+  const auto present = [&](std::size_t i) { return with_plug || state.kind[i] != Kind::plug; };
+  double diameters = 0.0;
+  for (std::size_t i = 0; i < state.size(); ++i) {
+    if (state.kind[i] != Kind::content) continue;
+    rows.push_back(row_of(state.position[i], state.velocity[i], state.radius[i]));
+    inverse_mass.push_back(1.0 / materials.mass(state.radius[i]));
+    id.push_back(state.id[i]);
+    diameters += 2.0 * state.radius[i];
+    largest_radius = std::max(largest_radius, state.radius[i]);
+  }
+  GC_REQUIRE(!id.empty(), "the state holds no content balls: nothing can move; add balls of kind content");
+  mean_diameter = diameters / static_cast<double>(id.size());
+  for (std::size_t i = 0; i < state.size(); ++i) {
+    if (state.kind[i] == Kind::content || !present(i)) continue;
+    rows.push_back(row_of(state.position[i], Vec3::Zero(), state.radius[i]));
+    fixed_id.push_back(state.id[i]);
+    fixed_kind.push_back(state.kind[i]);
+    largest_radius = std::max(largest_radius, state.radius[i]);
+  }
+  rows.push_back(row_of({kFar, 0, 0}, Vec3::Zero(), 0.0));
+  rows.push_back(row_of({-kFar, 0, 0}, Vec3::Zero(), 0.0));
+}
+
+Kind Balls::kind_of(std::uint32_t row) const {
+  return row < content_count() ? Kind::content : fixed_kind[row - content_count()];
+}
+
+BallId Balls::id_of(std::uint32_t row) const {
+  return row < content_count() ? id[row] : fixed_id[row - content_count()];
+}
+
+void Balls::reorder(std::span<const std::uint32_t> order) {
+  AlignedVector<BallRow> moved;
+  moved.reserve(order.size() + fixed_count() + 2);
+  for (const std::uint32_t from : order) moved.push_back(rows[from]);
+  moved.insert(moved.end(), rows.begin() + content_count(), rows.end());
+  rows.swap(moved);
+  reorder_like(inverse_mass, order);
+  reorder_like(id, order);
+}
+
+}  // namespace grainclock::core

@@ -1,0 +1,59 @@
+// Flat arrays of balls, laid out for vector evaluation: one 64-byte row per ball.
+//
+// Content rows come first, sorted in space, then the fixed balls, then two
+// far-away rows that fill up incomplete vectors of pairs. No physics here.
+#pragma once
+
+#include "core/materials.hpp"
+#include "core/rows.hpp"
+#include "core/state.hpp"
+
+#include <Eigen/StdVector>
+
+#include <span>
+
+namespace grainclock::core {
+
+template <class T>
+using AlignedVector = std::vector<T, Eigen::aligned_allocator<T>>;
+
+class Balls {
+ public:
+  Balls() = default;
+  /// Takes every ball of `state`; plug balls only if `with_plug`.
+  /// Row velocities and positions are the state's.
+  Balls(const State& state, const Materials& materials, bool with_plug);
+
+  std::uint32_t content_count() const { return static_cast<std::uint32_t>(inverse_mass.size()); }
+  std::uint32_t fixed_count() const { return static_cast<std::uint32_t>(fixed_id.size()); }
+  /// Rows of content and fixed balls; the two filling rows follow.
+  std::uint32_t row_count() const { return content_count() + fixed_count(); }
+
+  Kind kind_of(std::uint32_t row) const;
+  BallId id_of(std::uint32_t row) const;
+
+  /// Reorders the content: new row i is old row order[i]; rows left out are removed.
+  void reorder(std::span<const std::uint32_t> order);
+
+  AlignedVector<BallRow> rows;
+  std::vector<double> inverse_mass;  // 1/kg, content only
+  std::vector<BallId> id;            // content only
+  std::vector<BallId> fixed_id;
+  std::vector<Kind> fixed_kind;
+  double largest_radius = 0.0;       // m, of all balls
+  double mean_diameter = 0.0;        // m, of the content
+};
+
+/// `values[i] = old values[order[i]]`, for the arrays that others keep beside the rows.
+template <class Vector>
+void reorder_like(Vector& values, std::span<const std::uint32_t> order) {
+  Vector moved;
+  moved.reserve(order.size());
+  for (const std::uint32_t from : order) moved.push_back(values[from]);
+  values.swap(moved);
+}
+
+inline Vec3 position(const BallRow& row) { return {row.x, row.y, row.z}; }
+inline Vec3 velocity(const BallRow& row) { return {row.vx, row.vy, row.vz}; }
+
+}  // namespace grainclock::core

@@ -1,0 +1,160 @@
+#include "core/events.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace grainclock::core {
+
+namespace {
+
+/// A cubic on the unit interval.
+struct Cubic {
+  double c0, c1, c2, c3;
+  double operator()(double u) const { return ((c3 * u + c2) * u + c1) * u + c0; }
+  Cubic derivative() const { return {c1, 2.0 * c2, 3.0 * c3, 0.0}; }
+};
+
+/// Branch changes of one step: at most 3 roots for each of 4 functions, and the ends.
+struct Splits {
+  std::array<double, 14> at{};
+  int n = 0;
+  void add(double u) { at[n++] = u; }
+};
+
+/// Real roots of a quadratic c0 + c1 u + c2 u2 inside (0, 1), in order.
+int quadratic_roots(double c0, double c1, double c2, double* out) {
+  int n = 0;
+  const auto keep = [&](double u) {
+    if (u > 0.0 && u < 1.0) out[n++] = u;
+  };
+  const double discriminant = c1 * c1 - 4.0 * c2 * c0;
+  if (discriminant < 0.0) return 0;
+  const double q = -0.5 * (c1 + std::copysign(std::sqrt(discriminant), c1));
+  if (c2 != 0.0) keep(q / c2);
+  if (q != 0.0) keep(c0 / q);
+  if (n == 2 && out[0] > out[1]) std::swap(out[0], out[1]);
+  return n;
+}
+
+/// Adds the sign changes of a cubic inside (0, 1): bisection on the pieces where it is monotone.
+void add_roots(const Cubic& f, Splits& splits) {
+  std::array<double, 4> bound{0.0, 0.0, 0.0, 1.0};
+  double turning[2];
+  const int turns = quadratic_roots(f.c1, 2.0 * f.c2, 3.0 * f.c3, turning);
+  for (int k = 0; k < turns; ++k) bound[k + 1] = turning[k];
+  bound[turns + 1] = 1.0;
+  for (int piece = 0; piece <= turns; ++piece) {
+    double low = bound[piece], high = bound[piece + 1];
+    const bool sign = f(low) > 0.0;
+    if ((f(high) > 0.0) == sign) continue;
+    // Bisection: the cubic is monotone here, and events are few.
+    for (int k = 0; k < 60 && high - low > 1e-15; ++k) {
+      const double middle = 0.5 * (low + high);
+      ((f(middle) > 0.0) == sign ? low : high) = middle;
+    }
+    splits.add(0.5 * (low + high));
+  }
+}
+
+constexpr double kGaussPoint[2] = {0.339981043584856264803, 0.861136311594052575224};
+constexpr double kGaussWeight[2] = {0.652145154862546142627, 0.347854845137453857373};
+
+}  // namespace
+
+EventCorrection event_correction(const ContactLaw& law, const Approach& start, const Approach& end, double h) {
+  const double d0 = start.overlap, d1 = end.overlap, s0 = h * start.rate, s1 = h * end.rate;
+  const Cubic overlap{d0, s0, 3.0 * (d1 - d0) - 2.0 * s0 - s1, 2.0 * (d0 - d1) + s0 + s1};
+  const Cubic slope = overlap.derivative();  // h times the rate
+
+  Splits splits;
+  splits.add(0.0);
+  add_roots(overlap, splits);
+  if (!law.tension) {
+    const double k = law.k, c = law.c / h;
+    add_roots({k * overlap.c0 + c * slope.c0, k * overlap.c1 + c * slope.c1, k * overlap.c2 + c * slope.c2, k * overlap.c3},
+              splits);
+  }
+  if (law.reach > 0.0) {
+    add_roots({overlap.c0 + law.reach, overlap.c1, overlap.c2, overlap.c3}, splits);
+    add_roots(slope, splits);
+  }
+  EventCorrection out;
+  if (splits.n == 1) return out;
+  std::sort(splits.at.begin(), splits.at.begin() + splits.n);
+  splits.add(1.0);
+
+  const auto power = [&](double d, double rate, double force) { return (force - (d > 0.0 ? law.k * d : 0.0)) * rate; };
+  double impulse = 0.0, moment = 0.0, work = 0.0;  // integrals of F, (1 - u) F, power over u
+  double busiest = 0.0;
+  for (int piece = 0; piece + 1 < splits.n; ++piece) {
+    const double half = 0.5 * (splits.at[piece + 1] - splits.at[piece]);
+    const double middle = 0.5 * (splits.at[piece + 1] + splits.at[piece]);
+    for (int g = 0; g < 4; ++g) {
+      const double u = middle + (g % 2 == 0 ? -half : half) * kGaussPoint[g / 2];
+      const double weight = half * kGaussWeight[g / 2];
+      const double d = overlap(u), rate = slope(u) / h;
+      const double force = contact_force(law, d, rate);
+      impulse += weight * force;
+      moment += weight * (1.0 - u) * force;
+      work += weight * power(d, rate, force);
+      busiest = std::max(busiest, std::abs(force));
+    }
+  }
+  const double f0 = contact_force(law, d0, start.rate), f1 = contact_force(law, d1, end.rate);
+  if (busiest == 0.0 && f0 == 0.0 && f1 == 0.0) return out;  // clamped or apart throughout
+  out.is_event = true;
+  out.impulse = h * (impulse - 0.5 * (f0 + f1));
+  out.displacement = h * h * (moment - 0.5 * f0);
+  out.dissipated = h * (work - 0.5 * (power(d0, start.rate, f0) + power(d1, end.rate, f1)));
+  return out;
+}
+
+EventBook::EventBook(const ForceScale& scale, double half_tick) : scale_(scale), half_tick_(half_tick) {}
+
+void EventBook::examine_pair(const BallRow& a, const BallRow& b, std::uint32_t i, std::uint32_t j, const Vec3& a_i,
+                             const Vec3& a_j, const SweepLaw& law, double h) {
+  const double radii = a.r + b.r;
+  const Vec3 x = position(a) - position(b), v = velocity(a) - velocity(b), bend = a_i - a_j;
+  const auto approach = [radii](const Vec3& dx, const Vec3& dv) {
+    const double distance = dx.norm();
+    return Approach{radii - distance, -dv.dot(dx) / distance};
+  };
+  // Both balls have come along parabolas, so the start of the step is known without having been stored.
+  const Approach start = approach(x - h * v + (0.5 * h * h) * bend, v - h * bend);
+  const EventCorrection found = event_correction(law.law, start, approach(x, v), h);
+  if (!found.is_event) return;
+  const Vec3 normal = x / x.norm();
+  Entry entry{};
+  entry.i = i;
+  entry.j = j;
+  entry.both = law.both;
+  for (int k = 0; k < 3; ++k) {
+    entry.impulse[k] = std::llround(found.impulse * normal[k] / impulse_unit());
+    entry.displacement[k] = std::llround(found.displacement * normal[k] / displacement_unit());
+  }
+  entry.dissipated = std::llround(found.dissipated / energy_unit());
+  entry.magnitude = std::llround(std::abs(found.impulse) / energy_unit());
+  entries_.push_back(entry);
+}
+
+std::vector<Shift> shifts(const std::vector<EventBook::Entry>& entries) {
+  std::vector<Shift> sums;
+  for (const EventBook::Entry& e : entries) {
+    sums.push_back({e.i, {e.displacement[0], e.displacement[1], e.displacement[2]}});
+    if (e.both) sums.push_back({e.j, {-e.displacement[0], -e.displacement[1], -e.displacement[2]}});
+  }
+  std::sort(sums.begin(), sums.end(), [](const Shift& a, const Shift& b) { return a.row < b.row; });
+  std::size_t last = 0;
+  for (std::size_t k = 1; k < sums.size(); ++k) {
+    if (sums[k].row == sums[last].row) {
+      for (int axis = 0; axis < 3; ++axis) sums[last].displacement[axis] += sums[k].displacement[axis];
+    } else {
+      sums[++last] = sums[k];
+    }
+  }
+  if (!sums.empty()) sums.resize(last + 1);
+  return sums;
+}
+
+}  // namespace grainclock::core

@@ -1,0 +1,448 @@
+// Compiled once per instruction set (kernels.cmake). Uses nothing but built-in
+// vector types and inlined functions, so that no code for a newer processor
+// leaks into the rest of the program.
+#include "core/kernels.hpp"
+
+#if defined(__AVX__)
+#include <immintrin.h>
+#endif
+
+namespace grainclock::core {
+namespace {
+
+#if defined(__AVX512F__)
+constexpr int kWidth = 8;
+#else
+constexpr int kWidth = 4;
+#endif
+typedef double Real [[gnu::vector_size(8 * kWidth)]];
+typedef std::int64_t Int [[gnu::vector_size(8 * kWidth)]];
+typedef double Real4 [[gnu::vector_size(32)]];
+typedef std::int64_t Int4 [[gnu::vector_size(32)]];
+
+constexpr int kBlock = 256;  // pairs whose forces wait in the first-level cache
+
+#define GC_INLINE [[gnu::always_inline]] inline
+
+GC_INLINE Real splat(double value) { return Real{} + value; }
+
+GC_INLINE Real square_root(Real x) {
+#if defined(__AVX512F__)
+  return __builtin_ia32_sqrtpd512_mask(x, x, static_cast<unsigned char>(-1), _MM_FROUND_CUR_DIRECTION);
+#elif defined(__AVX__)
+  return (Real)_mm256_sqrt_pd((__m256d)x);
+#else
+  Real root;
+  for (int k = 0; k < kWidth; ++k) root[k] = __builtin_sqrt(x[k]);
+  return root;
+#endif
+}
+
+GC_INLINE Real magnitude(Real x) { return (Real)((Int)x & (Int{} + std::int64_t{0x7fffffffffffffff})); }
+GC_INLINE Real smaller(Real a, Real b) { return a < b ? a : b; }
+GC_INLINE Real larger(Real a, Real b) { return a > b ? a : b; }
+
+/// One bit per lane that is set.
+GC_INLINE unsigned lane_bits(Int mask) {
+#if defined(__AVX512DQ__)
+  return _mm512_movepi64_mask((__m512i)mask);
+#elif defined(__AVX__)
+  return static_cast<unsigned>(_mm256_movemask_pd((__m256d)mask));
+#else
+  unsigned bits = 0;
+  for (int k = 0; k < kWidth; ++k) bits |= (mask[k] != 0 ? 1U : 0U) << k;
+  return bits;
+#endif
+}
+
+GC_INLINE std::int64_t lane_sum(Int x) {
+  std::int64_t sum = 0;
+  for (int k = 0; k < kWidth; ++k) sum += x[k];
+  return sum;
+}
+
+/// Relative rows of kWidth pairs, transposed: one vector per component.
+struct Relative {
+  Real x, y, z;     // x_i - x_j
+  Real radii;       // r_i + r_j
+  Real vx, vy, vz;  // v_i - v_j
+  Real a;           // a_i + a_j
+};
+
+GC_INLINE Relative relative(const BallRow* rows, const std::uint32_t* i, const std::uint32_t* j) {
+  constexpr std::int64_t kSign = INT64_MIN;
+  Relative out;
+#if defined(__AVX512F__)
+  // r and a are to be added: their sign is flipped before the difference.
+  const Int flip = {0, 0, 0, kSign, 0, 0, 0, kSign};
+  Real d[8];
+#pragma GCC unroll 8
+  for (int k = 0; k < 8; ++k) {
+    d[k] = *reinterpret_cast<const Real*>(rows + i[k]) - (Real)(*reinterpret_cast<const Int*>(rows + j[k]) ^ flip);
+  }
+  Real e[8];
+#pragma GCC unroll 4
+  for (int k = 0; k < 8; k += 2) {
+    e[k] = __builtin_shuffle(d[k], d[k + 1], Int{0, 8, 2, 10, 4, 12, 6, 14});
+    e[k + 1] = __builtin_shuffle(d[k], d[k + 1], Int{1, 9, 3, 11, 5, 13, 7, 15});
+  }
+  const Int low = {0, 1, 8, 9, 4, 5, 12, 13}, high = {2, 3, 10, 11, 6, 7, 14, 15};
+  const Real x04 = __builtin_shuffle(e[0], e[2], low), x26 = __builtin_shuffle(e[0], e[2], high);
+  const Real y04 = __builtin_shuffle(e[1], e[3], low), y26 = __builtin_shuffle(e[1], e[3], high);
+  const Real z04 = __builtin_shuffle(e[4], e[6], low), z26 = __builtin_shuffle(e[4], e[6], high);
+  const Real w04 = __builtin_shuffle(e[5], e[7], low), w26 = __builtin_shuffle(e[5], e[7], high);
+  const Int first = {0, 1, 2, 3, 8, 9, 10, 11}, second = {4, 5, 6, 7, 12, 13, 14, 15};
+  out.x = __builtin_shuffle(x04, z04, first);
+  out.vx = __builtin_shuffle(x04, z04, second);
+  out.y = __builtin_shuffle(y04, w04, first);
+  out.vy = __builtin_shuffle(y04, w04, second);
+  out.z = __builtin_shuffle(x26, z26, first);
+  out.vz = __builtin_shuffle(x26, z26, second);
+  out.radii = __builtin_shuffle(y26, w26, first);
+  out.a = __builtin_shuffle(y26, w26, second);
+#else
+  const Int flip = {0, 0, 0, kSign};
+#pragma GCC unroll 2
+  for (int half = 0; half < 2; ++half) {
+    Real d[4];
+#pragma GCC unroll 4
+    for (int k = 0; k < 4; ++k) {
+      d[k] = reinterpret_cast<const Real*>(rows + i[k])[half] -
+             (Real)(reinterpret_cast<const Int*>(rows + j[k])[half] ^ flip);
+    }
+    const Int even = {0, 4, 2, 6}, odd = {1, 5, 3, 7}, low = {0, 1, 4, 5}, high = {2, 3, 6, 7};
+    const Real e0 = __builtin_shuffle(d[0], d[1], even), e1 = __builtin_shuffle(d[0], d[1], odd);
+    const Real e2 = __builtin_shuffle(d[2], d[3], even), e3 = __builtin_shuffle(d[2], d[3], odd);
+    (half == 0 ? out.x : out.vx) = __builtin_shuffle(e0, e2, low);
+    (half == 0 ? out.y : out.vy) = __builtin_shuffle(e1, e3, low);
+    (half == 0 ? out.z : out.vz) = __builtin_shuffle(e0, e2, high);
+    (half == 0 ? out.radii : out.a) = __builtin_shuffle(e1, e3, high);
+  }
+#endif
+  return out;
+}
+
+/// Writes kWidth rows (x, y, z, 0). Slot s belongs to pair kSlotPair[s] of the group.
+#if defined(__AVX512F__)
+constexpr int kSlotPair[8] = {0, 4, 2, 6, 1, 5, 3, 7};
+#else
+constexpr int kSlotPair[4] = {0, 2, 1, 3};
+#endif
+GC_INLINE void store_rows(Int x, Int y, Int z, IntVec* out) {
+  const Int zero = {};
+  Int* rows = reinterpret_cast<Int*>(out);
+#if defined(__AVX512F__)
+  const Int even = {0, 8, 2, 10, 4, 12, 6, 14}, odd = {1, 9, 3, 11, 5, 13, 7, 15};
+  const Int a0 = __builtin_shuffle(x, y, even), a1 = __builtin_shuffle(x, y, odd);
+  const Int b0 = __builtin_shuffle(z, zero, even), b1 = __builtin_shuffle(z, zero, odd);
+  const Int low = {0, 1, 8, 9, 4, 5, 12, 13}, high = {2, 3, 10, 11, 6, 7, 14, 15};
+  rows[0] = __builtin_shuffle(a0, b0, low);
+  rows[1] = __builtin_shuffle(a0, b0, high);
+  rows[2] = __builtin_shuffle(a1, b1, low);
+  rows[3] = __builtin_shuffle(a1, b1, high);
+#else
+  const Int even = {0, 4, 2, 6}, odd = {1, 5, 3, 7}, low = {0, 1, 4, 5}, high = {2, 3, 6, 7};
+  const Int a0 = __builtin_shuffle(x, y, even), a1 = __builtin_shuffle(x, y, odd);
+  const Int b0 = __builtin_shuffle(z, zero, even), b1 = __builtin_shuffle(z, zero, odd);
+  rows[0] = __builtin_shuffle(a0, b0, low);
+  rows[1] = __builtin_shuffle(a0, b0, high);
+  rows[2] = __builtin_shuffle(a1, b1, low);
+  rows[3] = __builtin_shuffle(a1, b1, high);
+#endif
+}
+
+/// Lane sums of a sweep, kept as vectors until its end.
+struct LaneTotals {
+  Int fx = {}, fy = {}, fz = {}, magnitude = {}, power = {}, turned = {}, bad = {};
+  GC_INLINE void add_to(SweepTotals& totals) const {
+    totals.force[0] += lane_sum(fx);
+    totals.force[1] += lane_sum(fy);
+    totals.force[2] += lane_sum(fz);
+    totals.magnitude += lane_sum(magnitude);
+    totals.power += lane_sum(power);
+    totals.turned += lane_sum(turned);
+    totals.overloaded = totals.overloaded || lane_bits(bad) != 0;
+  }
+};
+
+/// What the law says of kWidth pairs.
+struct Evaluated {
+  Real overlap, rate, nx, ny, nz, speed;
+  Int fx, fy, fz;
+  unsigned candidates;
+};
+
+template <class T, bool kEvents>
+GC_INLINE Evaluated evaluate(const BallRow* rows, const std::uint32_t* i, const std::uint32_t* j, const SweepLaw& law,
+                             LaneTotals& totals) {
+  const Relative d = relative(rows, i, j);
+  const Real one = splat(1.0), zero = {};
+  const Real length = square_root(d.x * d.x + d.y * d.y + d.z * d.z);
+  const Real inverse = one / length;
+  Evaluated out;
+  out.nx = d.x * inverse;
+  out.ny = d.y * inverse;
+  out.nz = d.z * inverse;
+  out.overlap = d.radii - length;
+  out.rate = -(d.vx * out.nx + d.vy * out.ny + d.vz * out.nz);
+  const Real force = contact_force<T>(out.overlap, out.rate, law.law.k, law.law.c, law.law.reach);
+  const Real units = force * law.per_unit;
+  out.fx = __builtin_convertvector(units * out.nx, Int);
+  out.fy = __builtin_convertvector(units * out.ny, Int);
+  out.fz = __builtin_convertvector(units * out.nz, Int);
+
+  const Real size = magnitude(force);
+  const Real spring = out.overlap > zero ? law.law.k * out.overlap : zero;
+  totals.fx += out.fx;
+  totals.fy += out.fy;
+  totals.fz += out.fz;
+  totals.magnitude += __builtin_convertvector(size * law.per_total, Int);
+  totals.power += __builtin_convertvector((force - spring) * out.rate * law.per_total, Int);
+  totals.turned += __builtin_convertvector(size * magnitude(out.rate) * law.per_total, Int);
+  // Written so that a NaN counts as overloaded.
+  totals.bad |= ~((size <= splat(law.force_limit)) & (4.0 * out.overlap <= d.radii));
+
+  out.candidates = 0;
+  if constexpr (kEvents) {
+    // Could the pair have changed branch within the step that ends here? Seen backwards from the
+    // end, overlap and rate differ from straight lines by at most the relative acceleration:
+    // |d2 overlap / dt2| <= a_i + a_j + v2 / length.
+    const double h = law.step;
+    const Real v2 = d.vx * d.vx + d.vy * d.vy + d.vz * d.vz;
+    const Real bend = h * (d.a + v2 * inverse);       // of the rate [m/s]
+    const Real margin = h * bend;                     // of the overlap [m], twice what is needed
+    const Real before = out.overlap - h * out.rate;
+    const Real lowest = smaller(before, out.overlap) - margin;
+    const Real highest = larger(before, out.overlap) + margin;
+    Int settled = highest <= splat(-law.law.reach);
+    if constexpr (T::tension) {
+      settled |= lowest > zero;
+    } else {
+      const double c = law.law.c, k = law.law.k;
+      const Int pressed = k * lowest + c * (out.rate - bend) > zero;
+      const Int clamped = k * highest + c * (out.rate + bend) < zero;
+      settled |= (lowest > zero) & (pressed | clamped);
+    }
+    out.candidates = lane_bits(~settled);
+    out.speed = square_root(v2);
+  }
+  return out;
+}
+
+GC_INLINE void note_candidates(unsigned bits, std::size_t first, Candidates& candidates) {
+  while (bits != 0) {
+    candidates.pair[candidates.n++] = static_cast<std::uint32_t>(first) + static_cast<std::uint32_t>(__builtin_ctz(bits));
+    bits &= bits - 1;
+  }
+}
+
+template <class T, bool kEvents>
+GC_INLINE void sweep_block(const BallRow* rows, const PairSpan& pairs, std::size_t first, std::size_t last,
+                           const SweepLaw& law, IntVec* buffer, LaneTotals& totals, Candidates* candidates) {
+  for (std::size_t p = first; p < last; p += kWidth) {
+    const Evaluated e = evaluate<T, kEvents>(rows, pairs.i + p, pairs.j + p, law, totals);
+    store_rows(e.fx, e.fy, e.fz, buffer + (p - first));
+    if constexpr (kEvents) note_candidates(e.candidates, p, *candidates);
+  }
+}
+
+template <class T, bool kEvents>
+void sweep_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law_in, IntVec* sums, SweepTotals& totals,
+                 Candidates* candidates) {
+  const SweepLaw law = law_in;
+  alignas(64) IntVec buffer[kBlock];
+  LaneTotals lanes;
+  Int4* ball = reinterpret_cast<Int4*>(sums);
+  const Int4* force = reinterpret_cast<const Int4*>(buffer);
+  for (std::size_t first = 0; first < pairs.n; first += kBlock) {
+    const std::size_t last = first + kBlock < pairs.n ? first + kBlock : pairs.n;
+    sweep_block<T, kEvents>(rows, pairs, first, last, law, buffer, lanes, candidates);
+    for (std::size_t p = first; p < last; p += kWidth) {
+#pragma GCC unroll 8
+      for (int s = 0; s < kWidth; ++s) {
+        const std::size_t pair = p + kSlotPair[s];
+        const Int4 f = force[p - first + s];
+        ball[pairs.i[pair]] += f;
+        if (law.both) ball[pairs.j[pair]] -= f;
+      }
+    }
+  }
+  lanes.add_to(totals);
+}
+
+template <class T, bool kEvents>
+void weighted_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law_in, int shift, WeightedSum* sums,
+                    SweepTotals& totals, Candidates* candidates) {
+  const SweepLaw law = law_in;
+  alignas(64) IntVec buffer[kBlock];
+  LaneTotals lanes;
+  Int4* ball = reinterpret_cast<Int4*>(sums);  // two per ball: force, impulse
+  const Int4* force = reinterpret_cast<const Int4*>(buffer);
+  for (std::size_t first = 0; first < pairs.n; first += kBlock) {
+    const std::size_t last = first + kBlock < pairs.n ? first + kBlock : pairs.n;
+    sweep_block<T, kEvents>(rows, pairs, first, last, law, buffer, lanes, candidates);
+    for (std::size_t p = first; p < last; p += kWidth) {
+#pragma GCC unroll 8
+      for (int s = 0; s < kWidth; ++s) {
+        const std::size_t pair = p + kSlotPair[s];
+        const Int4 f = force[p - first + s];
+        const Int4 impulse = f << shift;
+        Int4* i = ball + 2 * std::size_t{pairs.i[pair]};
+        i[0] += f;
+        i[1] += impulse;
+        if (law.both) {
+          Int4* j = ball + 2 * std::size_t{pairs.j[pair]};
+          j[0] -= f;
+          j[1] -= impulse;
+        }
+      }
+    }
+  }
+  lanes.add_to(totals);
+}
+
+template <class T>
+void record_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law_in, PairRecords out, SweepTotals& totals,
+                  Candidates* candidates) {
+  const SweepLaw law = law_in;
+  LaneTotals lanes;
+  alignas(64) IntVec buffer[kWidth];
+  for (std::size_t p = 0; p < pairs.n; p += kWidth) {
+    const Evaluated e = evaluate<T, true>(rows, pairs.i + p, pairs.j + p, law, lanes);
+    *reinterpret_cast<Real*>(out.overlap + p) = e.overlap;
+    *reinterpret_cast<Real*>(out.rate + p) = e.rate;
+    *reinterpret_cast<Real*>(out.speed + p) = e.speed;
+    *reinterpret_cast<Real*>(out.normal[0] + p) = e.nx;
+    *reinterpret_cast<Real*>(out.normal[1] + p) = e.ny;
+    *reinterpret_cast<Real*>(out.normal[2] + p) = e.nz;
+    store_rows(e.fx, e.fy, e.fz, buffer);
+    for (int s = 0; s < kWidth; ++s) out.force[p + kSlotPair[s]] = buffer[s];
+    if (candidates != nullptr) note_candidates(e.candidates, p, *candidates);
+  }
+  lanes.add_to(totals);
+}
+
+/// Calls `call` with the terms that the law has on.
+template <class Call>
+GC_INLINE void with_terms(const ContactLaw& law, Call call) {
+  if (law.tension) {
+    if (law.reach > 0.0) call(Terms<true, true>{});
+    else call(Terms<true, false>{});
+  } else {
+    if (law.reach > 0.0) call(Terms<false, true>{});
+    else call(Terms<false, false>{});
+  }
+}
+
+void sweep(const BallRow* rows, PairSpan pairs, const SweepLaw& law, IntVec* sums, SweepTotals& totals,
+           Candidates* candidates) {
+  with_terms(law.law, [&](auto terms) {
+    using T = decltype(terms);
+    if (candidates != nullptr) sweep_terms<T, true>(rows, pairs, law, sums, totals, candidates);
+    else sweep_terms<T, false>(rows, pairs, law, sums, totals, nullptr);
+  });
+}
+
+void sweep_weighted(const BallRow* rows, PairSpan pairs, const SweepLaw& law, int shift, WeightedSum* sums,
+                    SweepTotals& totals, Candidates* candidates) {
+  with_terms(law.law, [&](auto terms) {
+    using T = decltype(terms);
+    if (candidates != nullptr) weighted_terms<T, true>(rows, pairs, law, shift, sums, totals, candidates);
+    else weighted_terms<T, false>(rows, pairs, law, shift, sums, totals, nullptr);
+  });
+}
+
+void record(const BallRow* rows, PairSpan pairs, const SweepLaw& law, PairRecords out, SweepTotals& totals,
+            Candidates* candidates) {
+  with_terms(law.law, [&](auto terms) { record_terms<decltype(terms)>(rows, pairs, law, out, totals, candidates); });
+}
+
+// ---- advance of balls ----
+
+/// Closes the step that ends (velocity from the new force sum) and opens the next one (position and
+/// velocity for the next evaluation). Both halves do the same operations alone or together.
+template <bool kLagged, bool kClose, bool kOpen>
+AdvanceReport advance_rows(BallRow* rows, IntVec* sums_in, std::size_t stride, int parts, IntVec* opening_in,
+                           const double* inverse_mass, const SkinReference* skins, const AdvanceParameters& p,
+                           std::size_t begin, std::size_t end) {
+  const Real4 gravity = {p.gravity[0], p.gravity[1], p.gravity[2], 0.0};
+  const Real4 lower = {p.lower[0], p.lower[1], p.lower[2], -__builtin_inf()};
+  const Real4 upper = {p.upper[0], p.upper[1], p.upper[2], __builtin_inf()};
+  const Int4 xyz = {-1, -1, -1, 0};
+  const double h = p.step, half = 0.5 * p.step, half_square = 0.5 * p.step * p.step;
+  Int4* sums = reinterpret_cast<Int4*>(sums_in);
+  Int4* opening = reinterpret_cast<Int4*>(opening_in);
+  Int4 outside = {};
+  bool unsafe = false, below = false;
+  for (std::size_t i = begin; i < end; ++i) {
+    Real4* row = reinterpret_cast<Real4*>(rows + i);
+    Real4 x = row[0];
+    Real4 v = (Real4)((Int4)row[1] & xyz);
+    const double inertia = p.unit * inverse_mass[i];
+    Int4 force = opening[i];
+    if constexpr (kClose) {
+      force = sums[i];
+      sums[i] = Int4{};
+      for (int part = 1; part < parts; ++part) {
+        force += sums[static_cast<std::size_t>(part) * stride + i];
+        sums[static_cast<std::size_t>(part) * stride + i] = Int4{};
+      }
+      if constexpr (kLagged) {
+        v += half * (gravity + __builtin_convertvector(force, Real4) * inertia);
+      } else {
+        v += __builtin_convertvector(force - opening[i], Real4) * (half * inertia);
+      }
+      opening[i] = force;
+    }
+    const Real4 a = gravity + __builtin_convertvector(force, Real4) * inertia;
+    const double size = (a[0] < 0 ? -a[0] : a[0]) + (a[1] < 0 ? -a[1] : a[1]) + (a[2] < 0 ? -a[2] : a[2]);
+    if constexpr (kOpen) {
+      if constexpr (kLagged) {
+        v += half * a;
+        x += h * v;
+      } else {
+        x += h * v + half_square * a;
+        v += h * a;
+      }
+      const Real4 away = x - *reinterpret_cast<const Real4*>(skins + i);
+      // Not written as <=, so that a NaN is unsafe.
+      unsafe |= !(away[0] * away[0] + away[1] * away[1] + away[2] * away[2] <= skins[i].skin2);
+      row[0] = x;
+    }
+    outside |= ~((x >= lower) & (x <= upper));
+    below |= x[2] < p.outlet_z;
+    v[3] = size;
+    row[1] = v;
+  }
+  AdvanceReport report;
+  report.list_unsafe = unsafe;
+  report.crossed = below || (outside[0] | outside[1] | outside[2]) != 0;
+  return report;
+}
+
+template <bool kLagged>
+AdvanceReport advance(Advance what, BallRow* rows, IntVec* sums, std::size_t stride, int parts, IntVec* opening,
+                      const double* inverse_mass, const SkinReference* skins, const AdvanceParameters& p,
+                      std::size_t begin, std::size_t end) {
+  switch (what) {
+    case Advance::open:
+      return advance_rows<kLagged, false, true>(rows, sums, stride, parts, opening, inverse_mass, skins, p, begin, end);
+    case Advance::close:
+      return advance_rows<kLagged, true, false>(rows, sums, stride, parts, opening, inverse_mass, skins, p, begin, end);
+    default:
+      return advance_rows<kLagged, true, true>(rows, sums, stride, parts, opening, inverse_mass, skins, p, begin, end);
+  }
+}
+
+#define GC_STRING_(x) #x
+#define GC_STRING(x) GC_STRING_(x)
+#define GC_PASTE_(a, b) a##b
+#define GC_PASTE(a, b) GC_PASTE_(a, b)
+
+}  // namespace
+
+extern const Kernels GC_PASTE(kernels_, GRAINCLOCK_KERNEL_SET);
+const Kernels GC_PASTE(kernels_, GRAINCLOCK_KERNEL_SET) = {
+    GC_STRING(GRAINCLOCK_KERNEL_SET), sweep, sweep_weighted, record, advance<false>, advance<true>};
+
+}  // namespace grainclock::core

@@ -1,0 +1,95 @@
+// The hot loops: sweep over pairs, advance of balls. Each is compiled once per
+// instruction set (kernels.cpp) and chosen at run time; all give the same bits,
+// for every operation is elementwise, nothing is contracted, and sums are integer.
+#pragma once
+
+#include "core/contact_law.hpp"
+#include "core/rows.hpp"
+
+#include <vector>
+
+namespace grainclock::core {
+
+/// Pairs of rows; the number is a multiple of kLanes (filled up with the two far rows).
+constexpr std::size_t kLanes = 8;
+struct PairSpan {
+  const std::uint32_t* i;
+  const std::uint32_t* j;
+  std::size_t n;
+};
+
+/// Constants of one sweep.
+struct SweepLaw {
+  ContactLaw law;
+  double per_unit = 0.0;      // 1/N, inverse of the integer force unit, a power of two
+  double per_total = 0.0;     // 1/N or 1/W, the same for sums over all contacts (coarser, so that they fit)
+  double force_limit = 0.0;   // N, beyond it the numerics have failed
+  double step = 0.0;          // s, of these contacts; used to find event candidates
+  bool both = true;           // j is content and feels the reaction
+};
+
+/// Sums over the pairs of a sweep, in integer units, hence exact.
+struct SweepTotals {
+  std::int64_t force[3] = {0, 0, 0};   // force units, on i
+  std::int64_t magnitude = 0;          // total units, sum of |F|
+  std::int64_t power = 0;              // total units, sum of (F - k d) d'
+  std::int64_t turned = 0;             // total units, sum of |F d'|
+  bool overloaded = false;             // a force beyond the limit, an overlap beyond a quarter of the radii, or a NaN
+  SweepTotals& operator+=(const SweepTotals& other);
+};
+/// What classification and event search need of each pair, pair by pair.
+struct PairRecords {
+  double* overlap;    // m
+  double* rate;       // m/s
+  double* speed;      // m/s, relative speed
+  double* normal[3];  // unit normal from j to i
+  IntVec* force;      // force units, on i
+};
+
+/// Indices of pairs that may have changed branch within the step.
+struct Candidates {
+  std::uint32_t* pair;  // room for n + kLanes entries
+  std::size_t n = 0;
+};
+
+/// Constants of an advance of balls.
+struct AdvanceParameters {
+  double gravity[3];
+  double unit = 0.0;   // N
+  double step = 0.0;   // s
+  double outlet_z;     // m, content below it is reported; -infinity: never
+  double lower[3], upper[3];  // m, content outside is reported
+};
+/// What an advance saw.
+struct AdvanceReport {
+  bool list_unsafe = false;   // a ball has used up its skin
+  bool crossed = false;       // a ball is below the outlet or outside the domain, or not finite
+};
+
+enum class Advance { open, close, close_and_open };
+
+struct Kernels {
+  const char* name;
+  /// Adds the force of every pair to `sums[i]` (and its reaction to `sums[j]`).
+  void (*sweep)(const BallRow* rows, PairSpan pairs, const SweepLaw&, IntVec* sums, SweepTotals&, Candidates*);
+  /// The same, and the force times 2^shift to the impulses.
+  void (*sweep_weighted)(const BallRow* rows, PairSpan pairs, const SweepLaw&, int shift, WeightedSum* sums,
+                         SweepTotals&, Candidates*);
+  /// Evaluates pairs without summing.
+  void (*record)(const BallRow* rows, PairSpan pairs, const SweepLaw&, PairRecords, SweepTotals&, Candidates*);
+  /// Predicted scheme, for rows [begin, end). `sums` are `parts` arrays, `stride` apart, cleared after use.
+  AdvanceReport (*advance_predicted)(Advance, BallRow* rows, IntVec* sums, std::size_t stride, int parts,
+                                     IntVec* opening, const double* inverse_mass, const SkinReference*,
+                                     const AdvanceParameters&, std::size_t begin, std::size_t end);
+  /// Lagged scheme, likewise.
+  AdvanceReport (*advance_lagged)(Advance, BallRow* rows, IntVec* sums, std::size_t stride, int parts,
+                                  IntVec* opening, const double* inverse_mass, const SkinReference*,
+                                  const AdvanceParameters&, std::size_t begin, std::size_t end);
+};
+
+/// The best set this processor runs.
+const Kernels& kernels();
+/// All sets this processor runs, the portable one first (for tests).
+std::vector<const Kernels*> runnable_kernels();
+
+}  // namespace grainclock::core
