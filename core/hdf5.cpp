@@ -264,7 +264,7 @@ std::vector<double> flat(const std::vector<Vec3>& vectors) {
 }  // namespace
 
 template <class T>
-void Hdf5Group::create(const std::string& name, const Shape& shape) {
+void Hdf5Group::create_rows(const std::string& name, const Shape& shape) {
   if (!create_dataset(handle_.id(), name, type_of<T>(), shape).is_valid()) fail(name, "cannot be created: " + reason());
 }
 
@@ -416,7 +416,7 @@ void Hdf5File::close() {
   template std::vector<T> Hdf5Group::read_rows(const std::string&, std::uint64_t, std::uint64_t) const;             \
   template void Hdf5Group::write(const std::string&, const std::vector<T>&);                                        \
   template void Hdf5Group::write(const std::string&, const std::vector<T>&, const Shape&);                          \
-  template void Hdf5Group::create<T>(const std::string&, const Shape&);                                             \
+  template void Hdf5Group::create_rows<T>(const std::string&, const Shape&);                                             \
   template void Hdf5Group::write_rows(const std::string&, std::uint64_t, const std::vector<T>&);                    \
   template void Hdf5Group::write_virtual<T>(const std::string&, const Shape&, const std::vector<Hdf5Part>&);        \
   template std::vector<T> Hdf5Group::attribute(const std::string&, const std::string&) const;                       \

@@ -66,7 +66,7 @@ class Hdf5Group {
   /// A column of texts.
   void write_texts(const std::string& name, const std::vector<std::string>& texts);
   /// An array without content yet, to be filled by write_rows.
-  template <class T> void create(const std::string& name, const Shape& shape);
+  template <class T> void create_rows(const std::string& name, const Shape& shape);
   template <class T> void write_rows(const std::string& name, std::uint64_t first, const std::vector<T>& values);
   /// An array whose rows are those of the parts, in order; `row` is the shape of one row.
   /// Rows of a part whose file is missing read as nan (integers: as 0).

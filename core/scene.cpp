@@ -299,16 +299,9 @@ double mean_radius_of(const Scene& scene, const TomlKeys& keys, std::string_view
 
 // ---------------------------------------------------------------- echo
 
-std::string quoted(const std::string& text) {
-  std::ostringstream out;
-  out << toml::value<std::string>(text);
-  return out.str();
-}
+std::string quoted(const std::string& text) { return toml_text(toml::value<std::string>(text)); }
 
-/// Shortest text that reads back to the same number, always a TOML float.
-std::string number(double value) { return fmt::format("{:#}", value); }
-
-std::string vector(const Vec3& v) { return fmt::format("[{}, {}, {}]", number(v[0]), number(v[1]), number(v[2])); }
+std::string vector_text(const Vec3& v) { return fmt::format("[{}, {}, {}]", toml_text(v[0]), toml_text(v[1]), toml_text(v[2])); }
 
 using Lines = std::vector<std::pair<std::string, std::string>>;  // key, value as TOML text
 
@@ -317,18 +310,18 @@ Lines lines_of(const Stepping& s) {
               {"integrator", quoted(std::string(name(s.integrator)))},
               {"events", fmt::format("{}", s.events)},
               {"dashpot", quoted(std::string(name(s.dashpot)))},
-              {"tolerance", number(s.tolerance)},
+              {"tolerance", toml_text(s.tolerance)},
               {"interface", quoted(std::string(name(s.interface)))},
               {"levels", fmt::format("{}", s.levels)},
               {"limiter", fmt::format("{}", s.limiter)},
               {"fallback", fmt::format("{}", s.fallback)}};
-  if (s.step) lines.emplace_back("step", number(*s.step));
+  if (s.step) lines.emplace_back("step", toml_text(*s.step));
   return lines;
 }
 
 Lines lines_of(const Materials& m) {
-  return {{"k_ball", number(m.ball.k)}, {"k_wall", number(m.wall.k)},          {"c_ball", number(m.ball.c)},
-          {"c_wall", number(m.wall.c)}, {"tension", fmt::format("{}", m.tension)}, {"cohesion", number(m.cohesion)}};
+  return {{"k_ball", toml_text(m.ball.k)}, {"k_wall", toml_text(m.wall.k)},          {"c_ball", toml_text(m.ball.c)},
+          {"c_wall", toml_text(m.wall.c)}, {"tension", fmt::format("{}", m.tension)}, {"cohesion", toml_text(m.cohesion)}};
 }
 
 /// The lines that differ from the scene's own: a phase's overrides.
@@ -348,13 +341,13 @@ std::string text_of(const Lines& lines) {
 std::string text_of(const Phase& phase, const Lines& scene_stepping, const Lines& scene_contact) {
   Lines lines{{"name", quoted(phase.name)}};
   switch (phase.until) {
-    case Until::duration: lines.emplace_back("duration", number(phase.duration)); break;
+    case Until::duration: lines.emplace_back("duration", toml_text(phase.duration)); break;
     case Until::empty: lines.emplace_back("until", "\"empty\""); break;
     case Until::rest: lines.emplace_back("until", "\"rest\""); break;
     case Until::discharged: lines.emplace_back("until", fmt::format("\"discharged:{}\"", phase.fraction)); break;
   }
-  if (phase.until != Until::duration) lines.emplace_back("max_duration", number(phase.duration));
-  lines.emplace_back("every", number(phase.every));
+  if (phase.until != Until::duration) lines.emplace_back("max_duration", toml_text(phase.duration));
+  lines.emplace_back("every", toml_text(phase.every));
   lines.emplace_back("outlet", phase.outlet_open ? "\"open\"" : "\"closed\"");
   lines.emplace_back("first_impact", fmt::format("{}", phase.first_impact));
   for (const auto& line : overrides_of(lines_of(phase.stepping), scene_stepping)) lines.push_back(line);
@@ -366,25 +359,20 @@ std::string text_of(const Phase& phase, const Lines& scene_stepping, const Lines
 
 std::string text_of(const Domain& domain) {
   Lines lines;
-  if (domain.outlet_z) lines.emplace_back("outlet_z", number(*domain.outlet_z));
-  if (domain.lower) lines.emplace_back("lower", vector(*domain.lower));
-  if (domain.upper) lines.emplace_back("upper", vector(*domain.upper));
+  if (domain.outlet_z) lines.emplace_back("outlet_z", toml_text(*domain.outlet_z));
+  if (domain.lower) lines.emplace_back("lower", vector_text(*domain.lower));
+  if (domain.upper) lines.emplace_back("upper", vector_text(*domain.upper));
   return lines.empty() ? "" : "\n[domain]\n" + text_of(lines);
 }
 
 std::string resolved_text(const Scene& scene, const Stepping& stepping) {
-  std::string text = text_of(Lines{{"gravity", vector(scene.gravity)}, {"seed", fmt::format("{}", scene.seed)}});
-  text += "\n[material]\n" + text_of(Lines{{"density", number(scene.materials.density)}});
+  std::string text = text_of(Lines{{"gravity", vector_text(scene.gravity)}, {"seed", fmt::format("{}", scene.seed)}});
+  text += "\n[material]\n" + text_of(Lines{{"density", toml_text(scene.materials.density)}});
   text += "\n[contact]\n" + text_of(lines_of(scene.materials));
   text += "\n[stepping]\n" + text_of(lines_of(stepping));
   text += text_of(scene.domain);
-  if (scene.has_silo) {
-    std::ostringstream silo;
-    silo << toml::table{{"silo", *scene.silo}};
-    text += "\n" + silo.str() + "\n";
-  } else {
-    text += "\n[initial]\n" + text_of(Lines{{"state", quoted(scene.initial_state)}});
-  }
+  text += scene.has_silo ? "\n" + toml_text(*scene.silo, "silo")
+                         : "\n[initial]\n" + text_of(Lines{{"state", quoted(scene.initial_state)}});
   for (const Phase& phase : scene.phases) text += text_of(phase, lines_of(stepping), lines_of(scene.materials));
   return text;
 }

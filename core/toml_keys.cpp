@@ -13,13 +13,18 @@
 namespace grainclock::core {
 namespace {
 
+/// The value for a message: on one line, and not too long.
 std::string text_of(const toml::node& node) {
-  std::ostringstream out;
-  node.visit([&out](const auto& value) { out << value; });
-  std::string text = out.str();
+  std::string text = toml_text(node);
   constexpr std::size_t kLongest = 80;
   std::replace(text.begin(), text.end(), '\n', ' ');
   return text.size() > kLongest ? text.substr(0, kLongest) + "..." : text;
+}
+
+std::string key_text(std::string_view key) {
+  constexpr std::string_view kBare = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-";
+  const bool is_bare = !key.empty() && key.find_first_not_of(kBare) == std::string_view::npos;
+  return is_bare ? std::string(key) : toml_text(toml::value<std::string>(key));
 }
 
 /// Number of letters to insert, remove or replace to come from one word to the other.
@@ -52,6 +57,35 @@ std::string_view closest(std::string_view word, const std::set<std::string, std:
 }
 
 }  // namespace
+
+std::string toml_text(double value) {
+  std::string text = fmt::format("{}", value);
+  if (text.find_first_not_of("-0123456789") == std::string::npos) text += ".0";
+  return text;
+}
+
+std::string toml_text(const toml::node& node) {
+  // toml++ prints 17 digits; the shortest text that reads back to the same number is what people wrote.
+  if (const auto* number = node.as_floating_point()) return toml_text(number->get());
+  std::vector<std::string> items;
+  if (const toml::array* array = node.as_array()) {
+    for (const toml::node& item : *array) items.push_back(toml_text(item));
+    return fmt::format("[{}]", fmt::join(items, ", "));
+  }
+  if (const toml::table* table = node.as_table()) {
+    for (const auto& [key, value] : *table) items.push_back(fmt::format("{} = {}", key_text(key.str()), toml_text(value)));
+    return fmt::format("{{{}}}", fmt::join(items, ", "));
+  }
+  std::ostringstream out;
+  node.visit([&out](const auto& value) { out << value; });
+  return out.str();
+}
+
+std::string toml_text(const toml::table& table, std::string_view name) {
+  std::string text = fmt::format("[{}]\n", name);
+  for (const auto& [key, value] : table) text += fmt::format("{} = {}\n", key_text(key.str()), toml_text(value));
+  return text;
+}
 
 TomlKeys::TomlKeys(const toml::table& table, std::string name, std::string file, const toml::table* original)
     : table_(&table), original_(original), name_(std::move(name)), file_(std::move(file)) {}

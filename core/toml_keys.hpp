@@ -62,4 +62,10 @@ class TomlKeys {
   std::set<std::string, std::less<>> known_;
 };
 
+/// The shortest TOML that reads back to the same value, bit for bit, on one line (tables inline).
+std::string toml_text(double value);
+std::string toml_text(const toml::node& node);
+/// The same of a table with its header: [name] and a line per key.
+std::string toml_text(const toml::table& table, std::string_view name);
+
 }  // namespace grainclock::core
