@@ -53,7 +53,7 @@ class BallStepper : public Stepper {
   ForceScale scale_;
   Ledger ledger_;
   Costs costs_;
-  AlignedVector<BallRow> evaluated_;   // content rows of the last evaluation, in the order of balls_
+  std::vector<BallRow> evaluated_;   // content rows of the last evaluation, in the order of balls_
   std::vector<std::uint8_t> impacted_;  // per content row, only used with first_impact
   double length_scale_ = 0.0;
   double step_ = 0.0;

@@ -49,7 +49,7 @@ BallId Balls::id_of(std::uint32_t row) const {
 }
 
 void Balls::reorder(std::span<const std::uint32_t> order) {
-  AlignedVector<BallRow> moved;
+  std::vector<BallRow> moved;
   moved.reserve(order.size() + fixed_count() + 2);
   for (const std::uint32_t from : order) moved.push_back(rows[from]);
   moved.insert(moved.end(), rows.begin() + content_count(), rows.end());

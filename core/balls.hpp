@@ -8,14 +8,9 @@
 #include "core/rows.hpp"
 #include "core/state.hpp"
 
-#include <Eigen/StdVector>
-
 #include <span>
 
 namespace grainclock::core {
-
-template <class T>
-using AlignedVector = std::vector<T, Eigen::aligned_allocator<T>>;
 
 class Balls {
  public:
@@ -35,7 +30,7 @@ class Balls {
   /// Reorders the content: new row i is old row order[i]; rows left out are removed.
   void reorder(std::span<const std::uint32_t> order);
 
-  AlignedVector<BallRow> rows;
+  std::vector<BallRow> rows;
   std::vector<double> inverse_mass;  // 1/kg, content only
   std::vector<BallId> id;            // content only
   std::vector<BallId> fixed_id;

@@ -29,7 +29,7 @@ class ForceField {
   ForceScale scale_;
   std::vector<BallId> ids_;           // sorted
   std::vector<std::uint32_t> place_;  // of each row in order of id
-  AlignedVector<IntVec> sums_;
+  std::vector<IntVec> sums_;
   std::uint64_t contact_evaluations_ = 0;
   bool has_list_ = false;
 };

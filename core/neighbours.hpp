@@ -42,7 +42,7 @@ class NeighbourList {
   const PairList& ball_pairs() const { return ball_pairs_; }
   const PairList& fixed_pairs() const { return fixed_pairs_; }
   /// One reference per content row; a ball within sqrt(skin2) of it cannot meet an unlisted one.
-  const AlignedVector<SkinReference>& skins() const { return skins_; }
+  const std::vector<SkinReference>& skins() const { return skins_; }
   std::uint64_t builds() const { return builds_; }
 
  private:
@@ -50,7 +50,7 @@ class NeighbourList {
   SkinRule rule_;
   int threads_ = 1;
   PairList ball_pairs_, fixed_pairs_;
-  AlignedVector<SkinReference> skins_;
+  std::vector<SkinReference> skins_;
   std::uint64_t builds_ = 0;
 };
 

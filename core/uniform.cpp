@@ -256,8 +256,8 @@ class UniformStepper final : public BallStepper {
   EventBook event_book_;
   int threads_;
   AdvanceParameters advance_{};
-  AlignedVector<IntVec> sums_;     // force units, one array per thread
-  AlignedVector<IntVec> opening_;  // force units, the force that opened the step
+  std::vector<IntVec> sums_;     // force units, one array per thread
+  std::vector<IntVec> opening_;  // force units, the force that opened the step
   std::vector<FoundCandidates> candidates_;
   std::vector<std::uint32_t> first_hit_;
   SweepTotals ball_totals_, fixed_totals_;
