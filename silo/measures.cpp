@@ -1,0 +1,76 @@
+#include "silo/measures.hpp"
+
+#include "core/check.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace grainclock::silo {
+namespace {
+
+void require_valid(const Layers& layers) {
+  GC_REQUIRE(layers.n >= 1 && layers.z0 < layers.z1, "{} layers between z = {} m and {} m: need at least one, and z0 below z1",
+             layers.n, layers.z0, layers.z1);
+}
+
+double height_of(const Layers& layers) { return (layers.z1 - layers.z0) / layers.n; }
+double edge(const Layers& layers, int i) { return i == layers.n ? layers.z1 : layers.z0 + i * height_of(layers); }
+
+/// Volume of the part of a ball of radius r around the origin below height h [m3].
+double volume_below(double r, double h) {
+  const double cap = std::clamp(h + r, 0.0, 2.0 * r);
+  return std::numbers::pi * cap * cap * (3.0 * r - cap) / 3.0;
+}
+
+}  // namespace
+
+std::vector<double> packing_by_layer(const core::State& state, const SiloShape& shape, const Layers& layers) {
+  require_valid(layers);
+  std::vector<double> packing(static_cast<std::size_t>(layers.n), 0.0);
+  for (std::size_t ball = 0; ball < state.size(); ++ball) {
+    if (state.kind[ball] != core::Kind::content) continue;
+    const double z = state.position[ball][2], r = state.radius[ball];
+    const double first = std::floor((z - r - layers.z0) / height_of(layers)), last = std::floor((z + r - layers.z0) / height_of(layers));
+    if (last < 0.0 || first >= layers.n) continue;
+    for (int i = static_cast<int>(std::max(0.0, first)); i <= static_cast<int>(std::min(last, layers.n - 1.0)); ++i)
+      packing[static_cast<std::size_t>(i)] += volume_below(r, edge(layers, i + 1) - z) - volume_below(r, edge(layers, i) - z);
+  }
+  const Meridian inside = meridian(shape, shape.surface == Surface::centres ? -shape.mean_radius() : 0.0);
+  for (int i = 0; i < layers.n; ++i) {
+    double& share = packing[static_cast<std::size_t>(i)];
+    const double volume = volume_between(shape.section, inside, edge(layers, i), edge(layers, i + 1));
+    share = volume > 0.0 ? share / volume : 0.0;
+  }
+  return packing;
+}
+
+std::vector<double> wall_force_by_layer(const core::State& state, const std::vector<core::Contact>& contacts,
+                                        const Layers& layers) {
+  require_valid(layers);
+  std::vector<Vec3> on_ball(state.size(), Vec3::Zero());
+  for (const core::Contact& contact : contacts) {
+    if (contact.other != core::Kind::wall) continue;
+    const auto at = std::lower_bound(state.id.begin(), state.id.end(), contact.j);
+    GC_REQUIRE(at != state.id.end() && *at == contact.j, "wall ball {} of a contact is not in the state: pass the state that the "
+               "contacts belong to", contact.j);
+    on_ball[static_cast<std::size_t>(at - state.id.begin())] -= contact.force;
+  }
+  std::vector<double> force(static_cast<std::size_t>(layers.n), 0.0);
+  for (std::size_t ball = 0; ball < state.size(); ++ball) {
+    const double z = state.position[ball][2];
+    if (state.kind[ball] != core::Kind::wall || z < layers.z0 || z > layers.z1) continue;
+    const int layer = std::min(layers.n - 1, static_cast<int>((z - layers.z0) / height_of(layers)));
+    force[static_cast<std::size_t>(layer)] += std::hypot(on_ball[ball][0], on_ball[ball][1]);
+  }
+  return force;
+}
+
+std::int64_t count_above(const core::State& state, double z) {
+  std::int64_t count = 0;
+  for (std::size_t ball = 0; ball < state.size(); ++ball)
+    if (state.kind[ball] == core::Kind::content && state.position[ball][2] > z) ++count;
+  return count;
+}
+
+}  // namespace grainclock::silo
