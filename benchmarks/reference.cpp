@@ -13,6 +13,7 @@
 #include <chrono>
 #include <cmath>
 #include <exception>
+#include <limits>
 #include <memory>
 #include <span>
 
@@ -62,6 +63,8 @@ struct System {
     std::copy_n(values + n, n, out);
     try {
       field.acceleration(position, {values + n, n}, {out + n, n});
+    } catch (const core::NumericsError&) {
+      return 1;  // a trial step went too far: SUNDIALS tries a shorter one
     } catch (...) {
       failure = std::current_exception();
       return -1;
@@ -84,36 +87,59 @@ void fill_tolerances(N_Vector tolerances, double rtol, double diameter, double g
   std::fill_n(values + n, n, rtol * std::sqrt(2.0 * std::max(gravity, 1.0) * length));
 }
 
-std::uint64_t run_cvode(SUNContext context, System& system, N_Vector y, N_Vector tolerances, double rtol, double horizon) {
-  const Owned<void*, free_cvode> solver(CVodeCreate(CV_ADAMS, context));
-  const NonlinearSolver iteration(SUNNonlinSol_FixedPoint(y, kFixedPointVectors, context));
+/// The lightest ball's time scale on the stiffest spring [s]. Longer steps would be unstable in any contact;
+/// without this cap a step in free flight, where nothing bounds it, ends deep inside another ball.
+double longest_step(const core::State& state, const core::Materials& materials) {
+  double lightest = std::numeric_limits<double>::infinity();
+  for (std::size_t row = 0; row < state.size(); ++row) {
+    if (state.kind[row] == Kind::content) lightest = std::min(lightest, materials.mass(state.radius[row]));
+  }
+  return std::sqrt(lightest / std::max(materials.ball.k, materials.wall.k));
+}
+
+/// One integration as the two solvers need it.
+struct Problem {
+  SUNContext context;
+  System& system;
+  N_Vector y;           // in: the start, out: the end
+  N_Vector tolerances;  // absolute
+  double rtol;
+  double horizon;       // s
+  double longest_step;  // s
+};
+
+std::uint64_t run_cvode(const Problem& problem) {
+  const Owned<void*, free_cvode> solver(CVodeCreate(CV_ADAMS, problem.context));
+  const NonlinearSolver iteration(SUNNonlinSol_FixedPoint(problem.y, kFixedPointVectors, problem.context));
   if (!solver || !iteration) throw core::NumericsError("SUNDIALS: CVODE could not be created; free some memory");
-  require_success(CVodeInit(solver.get(), right_hand_side, 0.0, y), "CVodeInit");
-  require_success(CVodeSVtolerances(solver.get(), rtol, tolerances), "CVodeSVtolerances");
+  require_success(CVodeInit(solver.get(), right_hand_side, 0.0, problem.y), "CVodeInit");
+  require_success(CVodeSVtolerances(solver.get(), problem.rtol, problem.tolerances), "CVodeSVtolerances");
   require_success(CVodeSetNonlinearSolver(solver.get(), iteration.get()), "CVodeSetNonlinearSolver");
-  require_success(CVodeSetUserData(solver.get(), &system), "CVodeSetUserData");
+  require_success(CVodeSetUserData(solver.get(), &problem.system), "CVodeSetUserData");
   require_success(CVodeSetMaxNumSteps(solver.get(), kMostSteps), "CVodeSetMaxNumSteps");
-  require_success(CVodeSetStopTime(solver.get(), horizon), "CVodeSetStopTime");
+  require_success(CVodeSetMaxStep(solver.get(), problem.longest_step), "CVodeSetMaxStep");
+  require_success(CVodeSetStopTime(solver.get(), problem.horizon), "CVodeSetStopTime");
   realtype reached = 0.0;
-  const int flag = CVode(solver.get(), horizon, y, &reached, CV_NORMAL);
-  if (system.failure) std::rethrow_exception(system.failure);
+  const int flag = CVode(solver.get(), problem.horizon, problem.y, &reached, CV_NORMAL);
+  if (problem.system.failure) std::rethrow_exception(problem.system.failure);
   require_success(flag, "CVode");
   long steps = 0;
   require_success(CVodeGetNumSteps(solver.get(), &steps), "CVodeGetNumSteps");
   return static_cast<std::uint64_t>(steps);
 }
 
-std::uint64_t run_arkode(SUNContext context, System& system, N_Vector y, N_Vector tolerances, double rtol, double horizon) {
-  const Owned<void*, free_arkode> solver(ERKStepCreate(right_hand_side, 0.0, y, context));
+std::uint64_t run_arkode(const Problem& problem) {
+  const Owned<void*, free_arkode> solver(ERKStepCreate(right_hand_side, 0.0, problem.y, problem.context));
   if (!solver) throw core::NumericsError("SUNDIALS: ERKStep could not be created; free some memory");
-  require_success(ERKStepSVtolerances(solver.get(), rtol, tolerances), "ERKStepSVtolerances");
+  require_success(ERKStepSVtolerances(solver.get(), problem.rtol, problem.tolerances), "ERKStepSVtolerances");
   require_success(ERKStepSetOrder(solver.get(), kRungeKuttaOrder), "ERKStepSetOrder");
-  require_success(ERKStepSetUserData(solver.get(), &system), "ERKStepSetUserData");
+  require_success(ERKStepSetUserData(solver.get(), &problem.system), "ERKStepSetUserData");
   require_success(ERKStepSetMaxNumSteps(solver.get(), kMostSteps), "ERKStepSetMaxNumSteps");
-  require_success(ERKStepSetStopTime(solver.get(), horizon), "ERKStepSetStopTime");
+  require_success(ERKStepSetMaxStep(solver.get(), problem.longest_step), "ERKStepSetMaxStep");
+  require_success(ERKStepSetStopTime(solver.get(), problem.horizon), "ERKStepSetStopTime");
   realtype reached = 0.0;
-  const int flag = ERKStepEvolve(solver.get(), horizon, y, &reached, ARK_NORMAL);
-  if (system.failure) std::rethrow_exception(system.failure);
+  const int flag = ERKStepEvolve(solver.get(), problem.horizon, problem.y, &reached, ARK_NORMAL);
+  if (problem.system.failure) std::rethrow_exception(problem.system.failure);
   require_success(flag, "ERKStepEvolve");
   long steps = 0;
   require_success(ERKStepGetNumSteps(solver.get(), &steps), "ERKStepGetNumSteps");
@@ -157,9 +183,9 @@ ReferenceRun integrate(Solver solver, double rtol, const core::State& start, con
   }
   fill_tolerances(tolerances.get(), rtol, mean_diameter, setup.gravity.norm());
 
+  const Problem problem{context.get(), system, y.get(), tolerances.get(), rtol, horizon, longest_step(start, setup.materials)};
   const auto begin = std::chrono::steady_clock::now();
-  run.steps = solver == Solver::cvode ? run_cvode(context.get(), system, y.get(), tolerances.get(), rtol, horizon)
-                                      : run_arkode(context.get(), system, y.get(), tolerances.get(), rtol, horizon);
+  run.steps = solver == Solver::cvode ? run_cvode(problem) : run_arkode(problem);
   run.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 
   for (std::size_t ball = 0; ball < rows.size(); ++ball) {
