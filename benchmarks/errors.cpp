@@ -92,25 +92,4 @@ double relative_l2(const std::vector<double>& a, const std::vector<double>& refe
   return norm > 0.0 ? std::sqrt(difference / norm) : std::numeric_limits<double>::infinity();
 }
 
-std::vector<double> wall_force_by_layer(const State& state, const std::vector<core::Contact>& contacts,
-                                        double thickness) {
-  GC_REQUIRE(thickness > 0.0, "wall force by layer: thickness {} m must be positive", thickness);
-  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
-  std::unordered_map<BallId, double> height;
-  for (std::size_t row = 0; row < state.size(); ++row) {
-    if (state.kind[row] != Kind::wall) continue;
-    const double z = state.position[row].z();
-    height.emplace(state.id[row], z);
-    lowest = std::min(lowest, z);
-    highest = std::max(highest, z);
-  }
-  if (height.empty()) return {};
-  std::vector<double> layers(static_cast<std::size_t>((highest - lowest) / thickness) + 1, 0.0);
-  for (const core::Contact& contact : contacts) {
-    if (contact.other != Kind::wall) continue;
-    layers[static_cast<std::size_t>((height.at(contact.j) - lowest) / thickness)] += contact.force.norm();
-  }
-  return layers;
-}
-
 }  // namespace grainclock::benchmarks

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "core/state.hpp"
-#include "core/stepper.hpp"
 
 #include <optional>
 #include <vector>
@@ -37,10 +36,5 @@ double quantile(std::vector<double> sample, double q);
 /// |a - reference| / |reference| in the Euclidean norm. Throws InputError on unequal lengths;
 /// 0 if both vanish, infinity if only the reference does.
 double relative_l2(const std::vector<double>& a, const std::vector<double>& reference);
-
-/// Sum of |force| [N] of the contacts with wall balls, by horizontal layers of this thickness [m] from
-/// the lowest to the highest wall ball of `state`. Empty without wall balls.
-std::vector<double> wall_force_by_layer(const core::State& state, const std::vector<core::Contact>& contacts,
-                                        double thickness);
 
 }  // namespace grainclock::benchmarks

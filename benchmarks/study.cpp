@@ -10,6 +10,7 @@
 #include "core/files.hpp"
 #include "core/snapshot.hpp"
 #include "multirate/stepper.hpp"
+#include "silo/measures.hpp"
 
 #include <chrono>
 #include <cmath>
@@ -46,7 +47,7 @@ struct Outcome {
 struct Series {
   std::string name;
   State start;
-  double diameter = 0.0;  // m, mean
+  std::optional<silo::Layers> layers;  // of the wall
   Outcome reference, twice;
   std::vector<Outcome> points;
 };
@@ -70,6 +71,25 @@ std::optional<double> ideal_gain(const core::LevelStatistics& levels) {
   }
   if (weighted == 0.0) return std::nullopt;
   return all / weighted;
+}
+
+/// Layers about kLayerDiameters thick over the height of the wall; nothing without a wall.
+std::optional<silo::Layers> wall_layers(const State& state) {
+  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+  for (std::size_t row = 0; row < state.size(); ++row) {
+    if (state.kind[row] != core::Kind::wall) continue;
+    lowest = std::min(lowest, state.position[row].z());
+    highest = std::max(highest, state.position[row].z());
+  }
+  if (!(lowest < highest)) return std::nullopt;
+  const double layers = (highest - lowest) / (kLayerDiameters * mean_diameter(state));
+  return silo::Layers{lowest, highest, std::max(1, static_cast<int>(std::lround(layers)))};
+}
+
+/// Horizontal force on the wall by layer [N].
+std::vector<double> wall_force(const Series& series, const std::vector<core::Contact>& contacts) {
+  if (!series.layers) return {};
+  return silo::wall_force_by_layer(series.start, contacts, *series.layers);
 }
 
 class Runner {
@@ -109,7 +129,7 @@ class Runner {
       return outcome;
     }
     outcome.end = stepper->state();
-    outcome.wall_force = wall_force_by_layer(series.start, stepper->contacts(), kLayerDiameters * series.diameter);
+    outcome.wall_force = wall_force(series, stepper->contacts());
     outcome.steps = static_cast<std::uint64_t>(n);
     outcome.costs = stepper->costs();
     outcome.momentum_residual = core::momentum_residual(before, stepper->energies(), stepper->ledger());
@@ -137,7 +157,7 @@ class Runner {
       outcome.costs.ball_updates = run.steps * series.start.count(core::Kind::content);
       outcome.steps = run.steps;
       const auto contacts = core::make_uniform_stepper(outcome.end, made)->contacts();
-      outcome.wall_force = wall_force_by_layer(series.start, contacts, kLayerDiameters * series.diameter);
+      outcome.wall_force = wall_force(series, contacts);
     } catch (const core::NumericsError& error) {
       outcome.status = fmt::format("failed: {}", error.what());
     }
@@ -206,7 +226,7 @@ Row measured(const Point& point, const Outcome& outcome, const Series& series, c
   row.error_p99 = errors.position.p99;
   row.velocity_error_rms = errors.velocity.rms;
   row.missing_balls = static_cast<double>(errors.missing);
-  row.error_wall_force = relative_l2(outcome.wall_force, reference.wall_force);
+  if (series.layers) row.error_wall_force = relative_l2(outcome.wall_force, reference.wall_force);
   if (!std::isfinite(errors.position.rms)) row.status = "failed: positions are not finite";
   return row;
 }
@@ -302,7 +322,7 @@ void run_study(const std::string& study_path, const std::string& out_dir, int th
     Series series;
     series.name = std::filesystem::path(path).stem().string();
     series.start = core::read_state(path);
-    series.diameter = mean_diameter(series.start);
+    series.layers = wall_layers(series.start);
     all.push_back(std::move(series));
   }
   // Key combinations that a stepper does not offer show now, not after an hour.

@@ -12,8 +12,6 @@ namespace {
 using core::Stepping;
 using core::TomlKeys;
 
-constexpr int kMostLevels = 12;
-
 toml::table parse(const std::string& text, const std::string& path) {
   try {
     return toml::parse(text, path);
@@ -31,41 +29,12 @@ std::string resolved(const std::string& file, const std::string& study_path, con
                                     where, file));
 }
 
-template <class Enum>
-Enum one_of(TomlKeys& keys, std::string_view key, Enum otherwise, std::initializer_list<Enum> all) {
-  const auto text = keys.string(key);
-  if (!text) return otherwise;
-  std::string names;
-  for (const Enum value : all) {
-    if (core::name(value) == *text) return value;
-    names += fmt::format("{}\"{}\"", names.empty() ? "" : ", ", core::name(value));
+/// A key without effect is a mistake: uniform stepping takes none of these, but needs its step.
+void require_uniform_keys(const TomlKeys& keys, const Stepping& stepping) {
+  for (const char* key : {"tolerance", "interface", "levels", "limiter", "fallback"}) {
+    keys.require(!keys.has(key), key, "uniform stepping does not use this key; remove it");
   }
-  keys.fail(key, "must be one of " + names);
-}
-
-/// The stepping keys that `stepping.method` uses; others stay unknown, since a key without effect is a mistake.
-void read_stepping_keys(TomlKeys& keys, Stepping& stepping) {
-  using core::Dashpot, core::Integrator, core::Interface, core::Method;
-  stepping.integrator = one_of(keys, "integrator", stepping.integrator,
-                               {Integrator::lagged, Integrator::predicted, Integrator::pece});
-  stepping.events = keys.boolean("events").value_or(stepping.events);
-  stepping.dashpot = one_of(keys, "dashpot", stepping.dashpot,
-                            {Dashpot::explicit_, Dashpot::relaxed, Dashpot::pairwise, Dashpot::solve});
-  stepping.step = keys.positive("step", "s");
-  if (stepping.method == Method::uniform) {
-    keys.require(stepping.step.has_value(), "step", "uniform stepping in a study needs its step in s");
-    return;
-  }
-  stepping.tolerance = keys.number("tolerance").value_or(stepping.tolerance);
-  keys.require(stepping.tolerance > 0.0, "tolerance", "must be above 0");
-  stepping.interface = one_of(keys, "interface", stepping.interface,
-                              {Interface::accumulate, Interface::impulse, Interface::extrapolate, Interface::frozen});
-  stepping.levels = static_cast<int>(keys.integer("levels").value_or(stepping.levels));
-  keys.require(stepping.levels >= 1 && stepping.levels <= kMostLevels, "levels", fmt::format("must be 1 to {}", kMostLevels));
-  stepping.limiter = static_cast<int>(keys.integer("limiter").value_or(stepping.limiter));
-  keys.require(stepping.limiter >= 1 && stepping.limiter < kMostLevels, "limiter",
-               fmt::format("must be 1 to {}", kMostLevels - 1));
-  stepping.fallback = keys.boolean("fallback").value_or(false);
+  keys.require(stepping.step.has_value(), "step", "uniform stepping in a study needs its step in s");
 }
 
 std::string made_name(const Point& point) {
@@ -89,8 +58,8 @@ Point read_point(TomlKeys keys) {
     keys.require(rtol && *rtol > 0.0 && *rtol < 1.0, "rtol", "SUNDIALS needs a relative tolerance between 0 and 1");
     point.rtol = *rtol;
   } else {
-    point.stepping.method = method == "uniform" ? core::Method::uniform : core::Method::multirate;
-    read_stepping_keys(keys, point.stepping);
+    core::read_stepping(keys, point.stepping);
+    if (point.stepping.method == core::Method::uniform) require_uniform_keys(keys, point.stepping);
   }
   keys.finish();
   point.name = given.value_or(made_name(point));
@@ -158,10 +127,9 @@ Stepping read_reference(TomlKeys& root) {
   auto keys = root.table("reference");
   root.require(keys.has_value(), "reference", "a study needs a [reference] table with the step of the fine run");
   Stepping stepping;
-  stepping.method = keys->choice("method", {"uniform", "multirate"}).value_or("uniform") == "uniform"
-                        ? core::Method::uniform
-                        : core::Method::multirate;
-  read_stepping_keys(*keys, stepping);
+  stepping.method = core::Method::uniform;
+  core::read_stepping(*keys, stepping);
+  if (stepping.method == core::Method::uniform) require_uniform_keys(*keys, stepping);
   keys->require(stepping.step.has_value(), "step", "the reference needs its step in s: it is run at this step and at twice it");
   keys->finish();
   return stepping;

@@ -2,6 +2,7 @@
 
 #include "core/files.hpp"
 #include "core/hdf5.hpp"
+#include "silo/provenance.hpp"
 
 #include <fmt/format.h>
 
@@ -102,11 +103,8 @@ void write_table(const std::filesystem::path& path, const std::vector<Row>& rows
       if (!column.unit.empty()) study.write_attribute(name, "unit", std::string(column.unit));
     }
   }
-  core::Hdf5Group provenance = file.create_group("provenance");
-  provenance.write_text("study", study_text);
-  provenance.write_text("scene", scene.text);
-  provenance.write("seed", std::vector<std::uint64_t>{scene.seed});
-  provenance.write("threads", std::vector<std::int64_t>{threads});
+  silo::write_provenance(file, threads, scene.seed, scene.text);
+  file.group("provenance").write_text("study", study_text);
   file.close();
   aside.commit();
 }

@@ -141,6 +141,8 @@ void read_positive(TomlKeys& keys, std::string_view key, std::string_view unit, 
   if (const auto given = keys.positive(key, unit)) value = *given;
 }
 
+}  // namespace
+
 void read_stepping(TomlKeys& keys, Stepping& stepping) {
   read_choice(keys, "method", stepping.method, {Method::uniform, Method::multirate});
   read_choice(keys, "integrator", stepping.integrator, {Integrator::lagged, Integrator::predicted, Integrator::pece});
@@ -161,6 +163,8 @@ void read_stepping(TomlKeys& keys, Stepping& stepping) {
   }
   stepping.fallback = keys.boolean("fallback").value_or(stepping.fallback);
 }
+
+namespace {
 
 /// Mean radius of the scene's content [m], for whoever needs it: reading a state only for that is not for free.
 using MeanRadius = std::function<double(const TomlKeys&, std::string_view key)>;
@@ -216,7 +220,7 @@ void read_outlet(TomlKeys& keys, const Scene& scene, Phase& phase) {
   phase.outlet_open = keys.choice("outlet", {"open", "closed"}) == "open";
   if (phase.until != Until::empty && phase.until != Until::discharged) return;
   keys.require(phase.outlet_open, "until", "nothing can leave while the outlet is closed; write outlet = \"open\"");
-  keys.require(scene.has_silo || scene.domain.outlet_z, "until",
+  keys.require(scene.domain.outlet_z.has_value(), "until",
                "nothing is counted as discharged without [domain] outlet_z; give it");
 }
 

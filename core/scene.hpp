@@ -13,6 +13,8 @@
 
 namespace grainclock::core {
 
+class TomlKeys;
+
 enum class Integrator { lagged, predicted, pece };
 enum class Method { uniform, multirate };
 enum class Dashpot { explicit_, relaxed, pairwise, solve };
@@ -73,6 +75,10 @@ struct Scene {
 /// Unknown keys, wrong types and impossible values throw InputError with file, line, value and remedy;
 /// an unreadable file throws FileError. [silo] is left to silo/ but must be a table.
 Scene read_scene(const std::string& path, const std::vector<std::string>& overrides = {});
+
+/// Reads the stepping keys of a table (of a scene or a study) over what `stepping` says already.
+/// Throws InputError with file, line, value and remedy; leaves finish() to the caller.
+void read_stepping(TomlKeys& keys, Stepping& stepping);
 
 /// Frame interval and step: the coarsest step is every/n with the smallest n that respects `wanted` [s].
 struct StepCount { double step; std::int64_t n; };

@@ -129,22 +129,5 @@ TEST(Errors, RelativeL2OfVectors) {
   EXPECT_THROW(relative_l2({1}, {1, 2}), core::InputError);
 }
 
-TEST(Errors, WallForceIsSummedByLayerOverWallContactsOnly) {
-  State state;
-  state.add(0, Kind::content, Vec3(0, 0, 1), Vec3::Zero(), 0.2);
-  state.add(1, Kind::wall, Vec3(0, 0, 2.0), Vec3::Zero(), 0.2);
-  state.add(2, Kind::wall, Vec3(0, 0, 2.4), Vec3::Zero(), 0.2);
-  state.add(3, Kind::wall, Vec3(0, 0, 3.1), Vec3::Zero(), 0.2);
-  state.add(4, Kind::plug, Vec3(0, 0, 0), Vec3::Zero(), 0.2);
-  const std::vector<core::Contact> contacts = {
-      {0, 1, Kind::wall, 0.1, 0.0, Vec3(3, 0, 4)},
-      {0, 2, Kind::wall, 0.1, 0.0, Vec3(-2, 0, 0)},
-      {0, 3, Kind::wall, 0.1, 0.0, Vec3(0, 1, 0)},
-      {0, 4, Kind::plug, 0.1, 0.0, Vec3(0, 0, 100)},
-  };
-  EXPECT_EQ(wall_force_by_layer(state, contacts, 0.5), (std::vector<double>{7, 0, 1}));
-  EXPECT_TRUE(wall_force_by_layer(State{}, {}, 0.5).empty());
-}
-
 }  // namespace
 }  // namespace grainclock::benchmarks

@@ -39,7 +39,7 @@ class StudyFiles : public testing::Test {
       }
     }
     for (const double x : {-0.4, 0.0, 0.4, 0.8}) {
-      for (const double y : {-0.4, 0.0, 0.4, 0.8}) state.add(ball++, Kind::wall, Vec3(x, y, 0), Vec3::Zero(), 0.22);
+      for (const double y : {-0.4, 0.0, 0.4, 0.8}) state.add(ball++, Kind::wall, Vec3(x, y, 0.05 * x), Vec3::Zero(), 0.22);
     }
     core::write_state((dir_ / "start.csv").string(), state);
     core::write_text(dir_ / "scene.toml", R"([initial]
@@ -208,6 +208,7 @@ tolerance = 1e-4
   const auto number = [&](std::size_t row, const char* column) { return std::stod(rows[row].at(column)); };
   // At least first order: sixteen times finer steps must leave a fourth of the error at most.
   EXPECT_LT(number(2, "error_rms"), 0.25 * number(0, "error_rms"));
+  EXPECT_LT(number(2, "error_wall_force"), number(0, "error_wall_force"));
   EXPECT_LT(number(0, "contact_evaluations"), number(2, "contact_evaluations"));
   EXPECT_EQ(rows[2].at("step"), "5e-06");
   EXPECT_EQ(rows[3].at("name"), "ours");
