@@ -389,6 +389,17 @@ void Hdf5Group::write_attribute(const std::string& name, const std::string& attr
     fail(name, fmt::format("attribute {} cannot be written: {}", attribute, reason()));
 }
 
+void Hdf5Group::write_attribute(const std::string& name, const std::string& attribute, const std::vector<std::string>& texts) {
+  const Hdf5Handle type = text_type(), space = space_of({texts.size()});
+  const Hdf5Handle handle(H5Acreate_by_name(handle_.id(), name.c_str(), attribute.c_str(), type.id(), space.id(), H5P_DEFAULT,
+                                            H5P_DEFAULT, H5P_DEFAULT),
+                          H5Aclose);
+  std::vector<const char*> raw;
+  for (const std::string& text : texts) raw.push_back(text.c_str());
+  if (!handle.is_valid() || H5Awrite(handle.id(), type.id(), raw.data()) < 0)
+    fail(name, fmt::format("attribute {} cannot be written: {}", attribute, reason()));
+}
+
 // ---------------------------------------------------------------- files
 
 Hdf5File Hdf5File::create(const std::filesystem::path& path) {

@@ -79,6 +79,7 @@ class Hdf5Group {
   template <class T>
   void write_attribute(const std::string& name, const std::string& attribute, const std::vector<T>& values);
   void write_attribute(const std::string& name, const std::string& attribute, const std::string& text);
+  void write_attribute(const std::string& name, const std::string& attribute, const std::vector<std::string>& texts);
 
   /// Throws FileError about the object `name` here: the file, the path and `what`.
   [[noreturn]] void fail(const std::string& name, const std::string& what) const;

@@ -176,6 +176,7 @@ bool is_hdf5(const std::string& path) {
 
 std::uint64_t checksum(const State& state) {
   std::uint64_t sum = add_bytes(kFnvStart, &state.time, sizeof state.time);
+  sum = add_bytes(sum, &state.length_scale, sizeof state.length_scale);
   const auto add = [&](const auto& field) {
     const auto& values = state.*field.member;
     sum = add_bytes(sum, values.data(), values.size() * sizeof values[0]);
@@ -188,7 +189,8 @@ bool has_state(const Hdf5Group& group) { return group.is_group(kGroup); }
 
 void write_state(Hdf5Group& parent, const State& state) {
   Hdf5Group group = parent.create_group(kGroup);
-  group.write_attribute(".", "time", std::vector{state.time});
+  group.write_attribute(".", "time", std::vector{state.time});                  // s
+  group.write_attribute(".", "length_scale", std::vector{state.length_scale});  // m
   const auto write = [&](const auto& field) {
     const auto& values = state.*field.member;
     if (values.empty() && field.is_optional) return;
@@ -204,6 +206,7 @@ State read_state(const Hdf5Group& parent) {
   const Hdf5Group group = parent.group(kGroup);
   State state;
   state.time = group.attribute<double>(".", "time").at(0);
+  state.length_scale = group.attribute<double>(".", "length_scale").at(0);
   const auto read = [&](const auto& field) {
     if (!field.is_optional || group.has(field.name)) read_field(group, field.name, state.*field.member);
   };

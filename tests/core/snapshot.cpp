@@ -25,6 +25,7 @@ State some_state() {
 }
 
 State with_restart(State state) {
+  state.length_scale = 0.43999999999999995;
   state.evaluated_position = {Vec3(1.0 / 3.0, 2, 3), Vec3::Zero(), Vec3::Zero()};
   state.evaluated_velocity = {Vec3(3, 2, 1.0 / 7.0), Vec3::Zero(), Vec3::Zero()};
   state.level = {3, 0, 0};
@@ -39,6 +40,7 @@ bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
 
 void expect_same_bits(const State& a, const State& b) {
   EXPECT_EQ(a.time, b.time);
+  EXPECT_EQ(a.length_scale, b.length_scale);
   EXPECT_EQ(a.id, b.id);
   EXPECT_EQ(a.kind, b.kind);
   EXPECT_TRUE(same_bits(a.position, b.position));
@@ -84,6 +86,7 @@ TEST(Snapshot, ChecksumDependsOnEveryField) {
   };
   EXPECT_EQ(checksum(State(state)), checksum(state));
   EXPECT_NE(changed([](State& s) { s.time = 0.0; }), checksum(state));
+  EXPECT_NE(changed([](State& s) { s.length_scale = 0.0; }), checksum(state));
   EXPECT_NE(changed([](State& s) { s.id[2] = 10; }), checksum(state));
   EXPECT_NE(changed([](State& s) { s.kind[1] = Kind::plug; }), checksum(state));
   EXPECT_NE(changed([](State& s) { s.position[0][2] = 0.0; }), checksum(state));
