@@ -37,6 +37,7 @@ PALETTE = {
 }
 MARKERS = {"plain": "s", "events": "D", "multirate": ["o", "^", "v", "P", "X"], "sundials": ["<", ">"]}
 TARGET_ERROR = 1e-4
+PICTURES = ("chart.png", "chart.svg", "section.png", "forces.png", "levels.png")
 HALO = [withStroke(linewidth=2.5, foreground="white")]
 
 plt.rcParams.update({
@@ -44,6 +45,15 @@ plt.rcParams.update({
     "axes.titleweight": "bold", "axes.titlesize": 12, "text.color": INK, "xtick.color": MUTED, "ytick.color": MUTED,
     "axes.spines.top": False, "axes.spines.right": False, "svg.fonttype": "none", "savefig.facecolor": "white",
 })
+
+
+def save(figure, path, close=False, **more):
+    """Writes the picture aside and renames it, so that none is ever left half-written."""
+    aside = path.with_name(path.name + ".part")
+    figure.savefig(aside, dpi=150, format=path.suffix[1:], **more)
+    os.replace(aside, path)
+    if close:
+        plt.close(figure)
 
 
 # ------------------------------------------------------------------ the study
@@ -247,9 +257,8 @@ def draw_chart(rows, out):
                  f"contact evaluations than plain uniform stepping")
     figure.suptitle(title, x=0.065, y=0.97, ha="left", fontsize=14.5, fontweight="bold")
     figure.subplots_adjust(left=0.065, right=0.985, top=0.87, bottom=0.15 if len(labels) <= 6 else 0.18, wspace=0.06)
-    for kind in ("png", "svg"):
-        figure.savefig(out / f"chart.{kind}", dpi=150)
-    plt.close(figure)
+    save(figure, out / "chart.svg")
+    save(figure, out / "chart.png", close=True)
 
 
 # ------------------------------------------------------------------ the silo
@@ -340,8 +349,7 @@ def draw_section(frame, out):
     balls = discs(axes, content, cmap="viridis", norm=LogNorm(top / 1e3, top), edgecolors="white", linewidths=0.25)
     balls.set_array(speed)
     colour_bar(figure, axes, balls, "speed  [m/s]", extend="both")
-    figure.savefig(out / "section.png", dpi=150, bbox_inches="tight")
-    plt.close(figure)
+    save(figure, out / "section.png", close=True, bbox_inches="tight")
 
 
 def draw_levels(frame, out):
@@ -358,8 +366,7 @@ def draw_levels(frame, out):
     bar = colour_bar(figure, axes, balls, "level (0 is the finest step) and share of all balls", ticks=range(count))
     share = np.bincount(every, minlength=count) / len(every)
     bar.ax.set_yticklabels([f"{n}   {100 * s:.2g} %" for n, s in enumerate(share)])
-    figure.savefig(out / "levels.png", dpi=150, bbox_inches="tight")
-    plt.close(figure)
+    save(figure, out / "levels.png", close=True, bbox_inches="tight")
 
 
 def pairs_within(position, radius):
@@ -420,8 +427,7 @@ def draw_forces(frame, contact, out):
     lines = LineCollection(ends, array=force, cmap="inferno_r", norm=norm, linewidths=thickness, capstyle="round")
     axes.add_collection(lines)
     colour_bar(figure, axes, lines, "normal force  [N]", extend="both")
-    figure.savefig(out / "forces.png", dpi=150, bbox_inches="tight")
-    plt.close(figure)
+    save(figure, out / "forces.png", close=True, bbox_inches="tight")
     return True
 
 
@@ -516,7 +522,7 @@ def provenance(path):
         group = file["provenance"]
         items = list(group.attrs.items()) + [(k, v[()]) for k, v in group.items() if isinstance(v, h5py.Dataset)]
         for key, value in items:
-            found[key] = value.decode() if isinstance(value, bytes) else str(value)
+            found[key] = value.decode() if isinstance(value, bytes) else str(np.squeeze(value))
     return found
 
 
@@ -574,6 +580,8 @@ def main():
         sys.exit(f"report.py: {table}: there is no such file; give the --out directory of `grainclock study`")
     rows = read_rows(table)
     given.out.mkdir(parents=True, exist_ok=True)
+    for name in PICTURES:  # of an earlier study
+        (given.out / name).unlink(missing_ok=True)
     told = provenance(given.study / "study.h5")
     if charted(rows):
         draw_chart(rows, given.out)
