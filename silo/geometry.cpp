@@ -241,14 +241,4 @@ Walls build_walls(const SiloShape& shape, std::uint64_t seed) {
   return walls;
 }
 
-core::Domain domain_of(const SiloShape& shape) {
-  const double margin = 10.0 * shape.r_max;
-  const double side = shape.half_width + margin;
-  core::Domain domain;
-  domain.outlet_z = -2.0 * shape.r_max;
-  domain.lower = Vec3{-side, -side, -margin};
-  domain.upper = Vec3{side, side, shape.rim() + shape.collar + margin};
-  return domain;
-}
-
 }  // namespace grainclock::silo

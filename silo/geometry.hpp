@@ -96,7 +96,4 @@ struct Walls {
 /// Throws InputError if the coverage leaves such holes.
 Walls build_walls(const SiloShape& shape, std::uint64_t seed);
 
-/// Where content may be: what falls a ball's diameter below the outlet has left; the box has a margin around the silo.
-core::Domain domain_of(const SiloShape& shape);
-
 }  // namespace grainclock::silo

@@ -285,17 +285,5 @@ TEST(SiloTable, SceneWithoutSiloIsRejected) {
   EXPECT_THROW(read_silo(scene), core::InputError);
 }
 
-TEST(Geometry, DomainHoldsEveryBall) {
-  SiloShape shape;
-  shape.collar = 3.0;
-  const core::Domain domain = domain_of(shape);
-  const Walls walls = build_walls(shape, 1);
-  for (const auto* balls : {&walls.wall, &walls.plug, &walls.collar})
-    for (const FixedBall& ball : *balls) {
-      ASSERT_TRUE((ball.at.array() > domain.lower->array()).all() && (ball.at.array() < domain.upper->array()).all());
-      ASSERT_GT(ball.at[2], *domain.outlet_z);
-    }
-}
-
 }  // namespace
 }  // namespace grainclock::silo
