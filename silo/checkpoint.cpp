@@ -1,0 +1,131 @@
+#include "silo/checkpoint.hpp"
+
+#include "core/check.hpp"
+#include "core/files.hpp"
+#include "core/snapshot.hpp"
+
+#include <algorithm>
+#include <bit>
+
+namespace grainclock::silo {
+namespace {
+
+namespace fs = std::filesystem;
+using core::Hdf5File;
+using core::Hdf5Group;
+using core::Vec3;
+
+constexpr const char* kGroup = "position_in_run";
+constexpr const char* kChecksum = "checksum";
+constexpr std::size_t kKept = 3;
+
+/// Calls visit(name, member) for every number of a position: the one table of the file's fields.
+template <class P, class Visit>
+void each_field(P& p, Visit visit) {
+  visit("phase", p.phase);
+  visit("steps", p.steps);
+  visit("total_steps", p.total_steps);
+  visit("frames", p.frames);
+  visit("phase_start", p.phase_start);
+  visit("step", p.step);
+  visit("first_collar", p.first_collar);
+  visit("rest_since", p.watch.rest_since);
+  visit("discharged_before", p.watch.discharged_before);
+  visit("content_before", p.watch.content_before);
+  visit("discharged_last", p.watch.discharged_last);
+  visit("left_last", p.watch.left_last);
+  visit("mean_radius", p.mean.radius);
+  visit("mean_mass", p.mean.mass);
+  visit("start_kinetic", p.start.kinetic);
+  visit("start_gravity", p.start.gravity);
+  visit("start_elastic", p.start.elastic);
+  visit("start_momentum", p.start.momentum);
+  visit("dissipated", p.ledger.dissipated);
+  visit("first_impact", p.ledger.first_impact);
+  visit("event_work", p.ledger.event_work);
+  visit("removed_energy", p.ledger.removed_energy);
+  visit("switched_energy", p.ledger.switched_energy);
+  visit("wall_impulse", p.ledger.wall_impulse);
+  visit("gravity_impulse", p.ledger.gravity_impulse);
+  visit("first_impact_impulse", p.ledger.first_impact_impulse);
+  visit("removed_momentum", p.ledger.removed_momentum);
+  visit("total_impulse", p.ledger.total_impulse);
+  visit("turned_over", p.ledger.turned_over);
+  visit("discharged", p.ledger.discharged);
+  visit("contact_evaluations", p.costs.contact_evaluations);
+  visit("ball_updates", p.costs.ball_updates);
+  visit("list_builds", p.costs.list_builds);
+  visit("events", p.costs.events);
+  visit("missed_contacts", p.costs.missed_contacts);
+}
+
+std::uint64_t checksum(const Position& position) {
+  std::uint64_t sum = 0;
+  const auto add = [&sum](std::uint64_t bits) { sum = std::rotl(sum * 0x9e3779b97f4a7c15u, 7) ^ bits; };
+  each_field(position, [&]<class T>(const char*, const T& value) {
+    if constexpr (std::is_same_v<T, Vec3>)
+      for (int k = 0; k < 3; ++k) add(std::bit_cast<std::uint64_t>(value[k]));
+    else
+      add(std::bit_cast<std::uint64_t>(value));
+  });
+  return sum;
+}
+
+}  // namespace
+
+std::string write_checkpoint(const fs::path& directory, const Checkpoint& checkpoint) {
+  const auto older = checkpoints_in(directory);
+  const int number = older.empty() ? 0 : std::stoi(older.front().stem().string()) + 1;
+  const fs::path path = directory / fmt::format("{:06}.h5", number);
+  core::AsideFile aside(path);
+  Hdf5File file = Hdf5File::create(aside.part());
+  write_state(file, checkpoint.state);
+  Hdf5Group group = file.create_group(kGroup);
+  each_field(checkpoint.position, [&]<class T>(const char* name, const T& value) {
+    if constexpr (std::is_same_v<T, Vec3>)
+      group.write(name, std::vector<double>(value.data(), value.data() + 3));
+    else
+      group.write(name, std::vector<T>{value});
+  });
+  group.write(kChecksum, std::vector{checksum(checkpoint.position)});
+  file.close();
+  aside.commit();
+  for (std::size_t k = kKept - 1; k < older.size(); ++k) fs::remove(older[k]);
+  return path.string();
+}
+
+Checkpoint read_checkpoint(const fs::path& path) {
+  const Hdf5File file = Hdf5File::open(path);
+  Checkpoint checkpoint;
+  checkpoint.state = core::read_state(static_cast<const Hdf5Group&>(file));
+  validate(checkpoint.state, path.string());
+  const Hdf5Group group = file.group(kGroup);
+  each_field(checkpoint.position, [&]<class T>(const char* name, T& value) {
+    if constexpr (std::is_same_v<T, Vec3>) {
+      const auto values = group.read<double>(name);
+      if (values.size() != 3) group.fail(name, "must have three numbers");
+      value = Vec3(values.data());
+    } else {
+      const auto values = group.read<T>(name);
+      if (values.size() != 1) group.fail(name, "must be one number");
+      value = values[0];
+    }
+  });
+  const auto stored = group.read<std::uint64_t>(kChecksum);
+  if (stored.size() != 1 || stored[0] != checksum(checkpoint.position)) group.fail(kChecksum, "does not match: the file is damaged");
+  return checkpoint;
+}
+
+std::vector<fs::path> checkpoints_in(const fs::path& directory) {
+  std::vector<fs::path> found;
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(directory, ignored)) {
+    const std::string stem = entry.path().stem().string();
+    const bool is_number = !stem.empty() && stem.find_first_not_of("0123456789") == std::string::npos;
+    if (entry.path().extension() == ".h5" && is_number) found.push_back(entry.path());
+  }
+  std::sort(found.rbegin(), found.rend());
+  return found;
+}
+
+}  // namespace grainclock::silo

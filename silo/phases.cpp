@@ -1,0 +1,99 @@
+#include "silo/phases.hpp"
+
+#include "core/check.hpp"
+#include "core/snapshot.hpp"
+#include "multirate/stepper.hpp"
+#include "silo/filling.hpp"
+
+namespace grainclock::silo {
+
+using core::Kind;
+using core::Phase;
+using core::Scene;
+using core::State;
+using core::StepperSetup;
+using core::Until;
+
+Start start_of(const Scene& scene) {
+  Start start;
+  if (scene.has_silo) {
+    Silo silo = build_silo(read_silo(scene), scene.seed);
+    start.state = std::move(silo.state);
+    start.first_collar = silo.first_collar;
+  } else {
+    start.state = core::read_state(scene.initial_state);
+  }
+  const std::string source = scene.has_silo ? scene.path : scene.initial_state;
+  validate(start.state, source);
+  GC_REQUIRE(start.state.count(Kind::content) > 0, "{}: the initial state has no content balls; nothing would move", source);
+  return start;
+}
+
+State fresh(State state) {
+  state.evaluated_position.clear();
+  state.evaluated_velocity.clear();
+  state.level.clear();
+  return state;
+}
+
+StepperSetup phase_setup(const Scene& scene, const Phase& phase, const State& state, int threads) {
+  StepperSetup setup;
+  setup.gravity = scene.gravity;
+  setup.materials = phase.materials;
+  setup.domain = scene.domain;
+  setup.stepping = phase.stepping;
+  setup.outlet_open = phase.outlet_open;
+  setup.first_impact = phase.first_impact;
+  setup.threads = threads;
+  const double wanted = phase.stepping.step ? *phase.stepping.step : multirate::default_step(state, setup);
+  setup.stepping.step = core::step_for(phase.every, wanted).step;
+  return setup;
+}
+
+MeanBall mean_ball(const State& state, const core::Materials& materials) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < state.size(); ++i)
+    if (state.kind[i] == Kind::content) sum += state.radius[i];
+  const std::size_t n = state.count(Kind::content);
+  if (n == 0) return {};
+  const double radius = sum / static_cast<double>(n);
+  return {radius, materials.mass(radius)};
+}
+
+std::optional<std::string> phase_end(const Phase& phase, const MeanBall& mean, double gravity, double step, std::int64_t steps,
+                                     const core::Energies& energies, std::int64_t discharged, Watch& watch) {
+  constexpr double kRestEnergy = 1e-6;  // of m g r, per ball
+  constexpr double kRestTime = 0.1;     // s
+  constexpr double kArchTime = 5.0;     // s
+  const std::int64_t left = discharged - watch.discharged_before, count = watch.content_before - left;
+  if (discharged > watch.discharged_last) watch.left_last = steps;
+  watch.discharged_last = discharged;
+
+  const bool is_calm = energies.kinetic < kRestEnergy * mean.mass * gravity * mean.radius * static_cast<double>(count);
+  if (!is_calm) watch.rest_since = -1;
+  if (is_calm && watch.rest_since < 0) watch.rest_since = steps;
+  const auto seconds_since = [&](std::int64_t since) { return static_cast<double>(steps - since) * step; };
+  // A count of steps times their length may fall a rounding short of the time that it stands for.
+  constexpr double kGuard = 1.0 - 1e-9;
+  const bool is_at_rest = is_calm && seconds_since(watch.rest_since) >= kGuard * kRestTime;
+
+  const auto share = [&] { return static_cast<double>(left) / static_cast<double>(watch.content_before); };
+  switch (phase.until) {
+    case Until::duration: return std::nullopt;
+    case Until::rest:
+      if (is_at_rest || count == 0) return "at rest";
+      return std::nullopt;
+    case Until::empty:
+      if (count == 0) return "empty";
+      break;
+    case Until::discharged:
+      if (share() >= phase.fraction) return fmt::format("{} balls, {:.4g} of the content, have left", left, share());
+      break;
+  }
+  if (is_at_rest && seconds_since(watch.left_last) >= kGuard * kArchTime)
+    return fmt::format("a permanent arch holds {} balls: nothing has left for {} s and nothing moves; {} balls have left", count,
+                       kArchTime, left);
+  return std::nullopt;
+}
+
+}  // namespace grainclock::silo
