@@ -11,7 +11,7 @@ namespace {
 
 BallRow row_of(const Vec3& x, const Vec3& v, double r) { return {x.x(), x.y(), x.z(), r, v.x(), v.y(), v.z(), 0.0}; }
 
-// Pairs of these two never touch and stay finite in every intermediate of the sweep.
+// Far enough to touch nothing, near enough that every intermediate of the sweep stays finite.
 constexpr double kFar = 1e100;
 
 }  // namespace
@@ -28,6 +28,7 @@ Balls::Balls(const State& state, const Materials& materials, bool with_plug) {
     largest_radius = std::max(largest_radius, state.radius[i]);
   }
   GC_REQUIRE(!id.empty(), "the state holds no content balls: nothing can move; add balls of kind content");
+  rows.push_back(row_of({kFar, 0.0, 0.0}, Vec3::Zero(), 0.0));
   mean_diameter = diameters / static_cast<double>(id.size());
   for (std::size_t i = 0; i < state.size(); ++i) {
     if (state.kind[i] == Kind::content || !present(i)) continue;
@@ -36,21 +37,19 @@ Balls::Balls(const State& state, const Materials& materials, bool with_plug) {
     fixed_kind.push_back(state.kind[i]);
     largest_radius = std::max(largest_radius, state.radius[i]);
   }
-  rows.push_back(row_of({kFar, 0, 0}, Vec3::Zero(), 0.0));
-  rows.push_back(row_of({-kFar, 0, 0}, Vec3::Zero(), 0.0));
 }
 
 Kind Balls::kind_of(std::uint32_t row) const {
-  return row < content_count() ? Kind::content : fixed_kind[row - content_count()];
+  return row < content_count() ? Kind::content : fixed_kind[row - first_fixed_row()];
 }
 
 BallId Balls::id_of(std::uint32_t row) const {
-  return row < content_count() ? id[row] : fixed_id[row - content_count()];
+  return row < content_count() ? id[row] : fixed_id[row - first_fixed_row()];
 }
 
 void Balls::reorder(std::span<const std::uint32_t> order) {
   std::vector<BallRow> moved;
-  moved.reserve(order.size() + fixed_count() + 2);
+  moved.reserve(order.size() + 1 + fixed_count());
   for (const std::uint32_t from : order) moved.push_back(rows[from]);
   moved.insert(moved.end(), rows.begin() + content_count(), rows.end());
   rows.swap(moved);

@@ -1,7 +1,7 @@
 // Flat arrays of balls, laid out for vector evaluation: one 64-byte row per ball.
 //
-// Content rows come first, sorted in space, then the fixed balls, then two
-// far-away rows that fill up incomplete vectors of pairs. No physics here.
+// Content rows come first, sorted in space, then one far-away row that fills up
+// incomplete vectors of pairs, then the fixed balls. No physics here.
 #pragma once
 
 #include "core/materials.hpp"
@@ -21,8 +21,9 @@ class Balls {
 
   std::uint32_t content_count() const { return static_cast<std::uint32_t>(inverse_mass.size()); }
   std::uint32_t fixed_count() const { return static_cast<std::uint32_t>(fixed_id.size()); }
-  /// Rows of content and fixed balls; the two filling rows follow.
-  std::uint32_t row_count() const { return content_count() + fixed_count(); }
+  /// The row that nothing ever touches.
+  std::uint32_t far_row() const { return content_count(); }
+  std::uint32_t first_fixed_row() const { return content_count() + 1; }
 
   Kind kind_of(std::uint32_t row) const;
   BallId id_of(std::uint32_t row) const;

@@ -42,7 +42,7 @@ void ForceField::acceleration(std::span<const double> x, std::span<const double>
     has_list_ = true;
     find_places();
   }
-  sums_.assign(n, IntVec{});
+  sums_.assign(n + std::size_t{1}, IntVec{});  // the far row gets one too
   bool overloaded = false;
   for (const bool fixed : {false, true}) {
     const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();

@@ -10,7 +10,7 @@
 
 namespace grainclock::core {
 
-/// Pairs of rows; the number is a multiple of kLanes (filled up with the two far rows).
+/// Pairs of rows; the number is a multiple of kLanes (filled up with pairs that cannot touch).
 constexpr std::size_t kLanes = 8;
 struct PairSpan {
   const std::uint32_t* i;

@@ -60,6 +60,17 @@ struct CubeMembers {
   }
 };
 
+/// Balls with an uncommonly wide skin: they are paired with each other by brute force.
+constexpr std::size_t kMostWide = 200;
+
+/// The smallest value that at most `few` of `values` exceed; 0 if there are no more than those.
+double all_but_few(std::vector<double>& values, std::size_t few) {
+  if (values.size() <= few) return 0.0;
+  const auto nth = values.end() - static_cast<std::ptrdiff_t>(few) - 1;
+  std::nth_element(values.begin(), nth, values.end());
+  return *nth;
+}
+
 bool is_finite(const BallRow& row) { return std::isfinite(row.x) && std::isfinite(row.y) && std::isfinite(row.z); }
 
 }  // namespace
@@ -72,7 +83,7 @@ void PairList::clear() {
 
 void PairList::finish(std::uint32_t far) {
   count = i.size();
-  while (i.size() % kLanes != 0) add(far, far + 1);
+  while (i.size() % kLanes != 0) add(0, far);
 }
 
 SkinRule SkinRule::for_diameter(double mean_diameter) {
@@ -109,8 +120,11 @@ std::vector<std::uint32_t> NeighbourList::build(Balls& balls, const std::vector<
     if (is_finite(balls.rows[i])) widen(shifted(balls.rows[i]));
   }
   if (kept.empty()) low = high = Vec3::Zero();
-  // Balls whose skin exceeds what a cube allows for look into more cubes.
-  const double common_skin = 1.6 * rule_.floor;
+  // A cube allows for a skin that all balls but the fastest few have; those look into more cubes.
+  std::vector<double> skins;
+  skins.reserve(kept.size());
+  for (const std::uint32_t i : kept) skins.push_back(skin_of(balls.rows[i]));
+  const double common_skin = std::max(1.2 * rule_.floor, all_but_few(skins, kMostWide));
   const double edge = 2.0 * balls.largest_radius + reach_ + 2.0 * common_skin;
   const CubeGrid grid(low, high, edge, kept.size());
 
@@ -140,7 +154,7 @@ std::vector<std::uint32_t> NeighbourList::build(Balls& balls, const std::vector<
   // Fixed balls outside the grid by more than a cube edge are clamped into its rim: harmless, only tested in vain.
   const std::uint32_t fixed = balls.fixed_count();
   const CubeMembers fixed_members(grid.cube_count(), fixed, [&](std::size_t f) {
-    const BallRow& row = balls.rows[n + f];
+    const BallRow& row = balls.rows[balls.first_fixed_row() + f];
     return grid.index(row.x, row.y, row.z);
   });
 
@@ -181,7 +195,7 @@ std::vector<std::uint32_t> NeighbourList::build(Balls& balls, const std::vector<
           if (within(i, other.x, other.y, other.z, balls.rows[j].r, skin[j])) out.balls.add(std::min(i, j), std::max(i, j));
         }
         for (std::uint32_t m = fixed_members.start[first]; m < fixed_members.start[last]; ++m) {
-          const std::uint32_t row = n + fixed_members.member[m];
+          const std::uint32_t row = balls.first_fixed_row() + fixed_members.member[m];
           const BallRow& other = balls.rows[row];
           if (within(i, other.x, other.y, other.z, other.r, 0.0)) out.fixed.add(i, row);
         }
@@ -203,15 +217,16 @@ std::vector<std::uint32_t> NeighbourList::build(Balls& balls, const std::vector<
     fixed_pairs_.i.insert(fixed_pairs_.i.end(), part.fixed.i.begin(), part.fixed.i.end());
     fixed_pairs_.j.insert(fixed_pairs_.j.end(), part.fixed.j.begin(), part.fixed.j.end());
   }
-  ball_pairs_.finish(balls.row_count());
-  fixed_pairs_.finish(balls.row_count());
+  ball_pairs_.finish(balls.far_row());
+  fixed_pairs_.finish(balls.far_row());
   return kept;
 }
 
 std::vector<std::pair<std::uint32_t, std::uint32_t>> brute_force_pairs(const Balls& balls, double reach) {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs;
   for (std::uint32_t i = 0; i < balls.content_count(); ++i) {
-    for (std::uint32_t j = i + 1; j < balls.row_count(); ++j) {
+    for (std::uint32_t j = i + 1; j < balls.rows.size(); ++j) {
+      if (j == balls.far_row()) continue;
       const double distance = (position(balls.rows[i]) - position(balls.rows[j])).norm();
       if (distance - balls.rows[i].r - balls.rows[j].r <= reach) pairs.emplace_back(i, j);
     }

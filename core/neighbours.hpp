@@ -15,7 +15,7 @@ struct PairList {
   PairSpan span() const { return {i.data(), j.data(), i.size()}; }
   void clear();
   void add(std::uint32_t a, std::uint32_t b) { i.push_back(a); j.push_back(b); }
-  /// Sets count and fills up with the rows `far`, `far` + 1.
+  /// Sets count and fills up with pairs of the first row and the row `far`, which cannot touch.
   void finish(std::uint32_t far);
 };
 

@@ -84,9 +84,11 @@ class UniformStepper final : public BallStepper {
  private:
   void follow_order(std::span<const std::uint32_t> order) override {
     reorder_like(opening_, order);
-    sums_.assign(static_cast<std::size_t>(threads_) * order.size(), IntVec{});
+    sums_.assign(static_cast<std::size_t>(threads_) * stride(), IntVec{});
   }
 
+  /// Force sums per thread: the content and the far row.
+  std::size_t stride() const { return balls_.content_count() + std::size_t{1}; }
   std::size_t listed_pairs() const { return list_.ball_pairs().count + list_.fixed_pairs().count; }
 
   /// First forces, at the rows as they are: they open the first step.
@@ -123,7 +125,7 @@ class UniformStepper final : public BallStepper {
     for (int t = 0; t < threads_; ++t) {
       Part& part = parts[static_cast<std::size_t>(t)];
       FoundCandidates& found = candidates_[static_cast<std::size_t>(t)];
-      IntVec* sums = sums_.data() + static_cast<std::size_t>(t) * balls_.content_count();
+      IntVec* sums = sums_.data() + static_cast<std::size_t>(t) * stride();
       sweep_part(kernel, list_.ball_pairs(), ball_law, t, sums, part.ball, found.ball);
       sweep_part(kernel, list_.fixed_pairs(), fixed_law, t, sums, part.fixed, found.fixed);
     }
@@ -155,7 +157,7 @@ class UniformStepper final : public BallStepper {
   IntVec total_force(std::uint32_t row) const {
     IntVec sum;
     for (int t = 0; t < threads_; ++t) {
-      const IntVec& part = sums_[static_cast<std::size_t>(t) * balls_.content_count() + row];
+      const IntVec& part = sums_[static_cast<std::size_t>(t) * stride() + row];
       for (int k = 0; k < 3; ++k) sum.v[k] += part.v[k];
     }
     return sum;
@@ -194,7 +196,7 @@ class UniformStepper final : public BallStepper {
 #pragma omp parallel for num_threads(threads_) schedule(static, 1) reduction(|| : unsafe, crossed) if (threads_ > 1)
     for (int t = 0; t < threads_; ++t) {
       const std::size_t begin = std::size_t{n} * t / threads_, end = std::size_t{n} * (t + 1) / threads_;
-      const AdvanceReport report = advance(what, balls_.rows.data(), sums_.data(), n, threads_, opening_.data(),
+      const AdvanceReport report = advance(what, balls_.rows.data(), sums_.data(), stride(), threads_, opening_.data(),
                                            balls_.inverse_mass.data(), list_.skins().data(), advance_, begin, end);
       unsafe = unsafe || report.list_unsafe;
       crossed = crossed || report.crossed;
