@@ -282,27 +282,21 @@ def read_csv_state(path):
     return Frame(columns(["x", "y", "z"]), columns(["vx", "vy", "vz"]), table["radius"].astype(float), kind)
 
 
-def read_last_frame(path, outlet_open=True):
+def read_last_frame(path, outlet_open):
     """Last frame of a run.h5 (H5MD); balls that have left are dropped, and so is the plug while the outlet is open."""
     with h5py.File(path, "r") as file:
-        content = file["particles/content"]
+        content, fixed = file["particles/content"], file["particles/wall"]
         position = content["position/value"][-1]
-        velocity = content["velocity/value"][-1]
-        level = content["level/value"][-1] if "level" in content else None
-        time = float(content["position/time"][-1])
         here = np.isfinite(position[:, 0])
-        parts = [Frame(position[here], velocity[here], content["radius"][:][here], np.zeros(here.sum(), int),
-                       None if level is None else level[here], time)]
-        for kind, name in ((1, "wall"), (2, "plug")):
-            if f"particles/{name}" not in file or (name == "plug" and outlet_open):
-                continue
-            group = file[f"particles/{name}"]
-            at = group["position"]["value"][-1] if isinstance(group["position"], h5py.Group) else group["position"][:]
-            parts.append(Frame(at, np.zeros_like(at), group["radius"][:], np.full(len(at), kind),
-                               None if level is None else np.full(len(at), -1)))
-    levels = None if level is None else np.concatenate([p.level for p in parts])
-    return Frame(*(np.concatenate([getattr(p, a) for p in parts]) for a in ("position", "velocity", "radius", "kind")),
-                 levels, time)
+        kind = fixed["kind"][:]
+        stays = (kind == 1) | (not outlet_open)
+        walls = stays.sum()
+        return Frame(np.concatenate([position[here], fixed["position"][:][stays]]),
+                     np.concatenate([content["velocity/value"][-1][here], np.zeros((walls, 3))]),
+                     np.concatenate([content["radius"][:][here], fixed["radius"][:][stays]]),
+                     np.concatenate([np.zeros(here.sum(), int), kind[stays]]),
+                     np.concatenate([content["level/value"][-1][here].astype(int), np.full(walls, -1)]),
+                     float(content["position/time"][-1]))
 
 
 def silo_axes(frame, title, width=7.4):
@@ -415,7 +409,7 @@ def draw_forces(frame, contact, out):
     i, j, force = contact_forces(part, contact)
     i, j, force = i[force > 0], j[force > 0], force[force > 0]
     if not len(force):
-        return False
+        return
     order = np.argsort(force)
     i, j, force = i[order], j[order], force[order]
     figure, axes = silo_axes(frame, f"Contact forces within {slab:.2f} m of y = 0" + at_time(frame))
@@ -428,7 +422,6 @@ def draw_forces(frame, contact, out):
     axes.add_collection(lines)
     colour_bar(figure, axes, lines, "normal force  [N]", extend="both")
     save(figure, out / "forces.png", close=True, bbox_inches="tight")
-    return True
 
 
 # ------------------------------------------------------------------ the report
@@ -555,16 +548,15 @@ correction) at equal error; empty where that scheme never got so accurate.</p>
     os.replace(aside, out / "report.html")
 
 
-def contact_keys(told):
-    """Contact constants from the resolved scene in the provenance, with its first phase's overrides."""
-    for text in told.values():
-        try:
-            scene = tomllib.loads(text)
-        except tomllib.TOMLDecodeError:
-            continue
-        if isinstance(scene.get("contact"), dict) and "k_ball" in scene["contact"]:
-            return {**scene["contact"], **(scene.get("phase") or [{}])[0].get("contact", {})}
-    return None
+def scene_of(told):
+    """The resolved scene in the provenance, or an empty one."""
+    return tomllib.loads(told.get("scene", ""))
+
+
+def contact_keys(scene):
+    """Contact constants of a scene's last phase, or None."""
+    contact = {**scene.get("contact", {}), **(scene.get("phase") or [{}])[-1].get("contact", {})}
+    return contact if "k_ball" in contact else None
 
 
 def main():
@@ -585,13 +577,15 @@ def main():
     told = provenance(given.study / "study.h5")
     if charted(rows):
         draw_chart(rows, given.out)
-    frame = read_last_frame(given.run) if given.run else read_csv_state(given.state) if given.state else None
+    scene = scene_of(provenance(given.run) if given.run else told)
+    outlet_open = (scene.get("phase") or [{}])[-1].get("outlet") == "open"
+    frame = read_last_frame(given.run, outlet_open) if given.run else read_csv_state(given.state) if given.state else None
     if frame:
         draw_section(frame, given.out)
-        contact = contact_keys(provenance(given.run) if given.run else told) or contact_keys(told)
+        contact = contact_keys(scene)
         if contact:
             draw_forces(frame, contact, given.out)
-        if frame.level is not None:
+        if frame.level is not None and frame.level.max() > 0:
             draw_levels(frame, given.out)
     write_report(rows, told, given.out)
     print(given.out / "report.html")
