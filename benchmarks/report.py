@@ -167,14 +167,16 @@ def gain_text(baseline):
     return ("" if baseline["known"] else "> ") + f"{baseline['gain']:.3g}×"
 
 
-def gains_by_start(rows, quantity, kind):
-    """Gain of the best selective method at the target error for each start state by itself."""
-    gains = []
-    for start in sorted({r["start"] for r in rows}):
-        found = headline(series_of([r for r in rows if r["start"] == start]), quantity)
-        if found and kind in found["baselines"]:
-            gains.append(found["baselines"][kind]["gain"])
-    return gains
+def gain_over_starts(rows, quantity, kind):
+    """(text, range): geometric mean over the start states, each with its own best methods, and the spread in words."""
+    found = [headline(series_of([r for r in rows if r["start"] == start]), quantity)
+             for start in sorted({r["start"] for r in charted(rows)})]
+    baselines = [f["baselines"][kind] for f in found if f and kind in f["baselines"]]
+    gains = [b["gain"] for b in baselines]
+    mean = {"gain": geometric_mean(gains), "known": all(b["known"] for b in baselines)}
+    spread = (f" (geometric mean over {len(gains)} start states, {min(gains):.3g} to {max(gains):.3g})"
+              if len(gains) > 1 else "")
+    return gain_text(mean), spread
 
 
 # Where a point's label goes, by series, so that neighbouring lines do not write over each other.
@@ -469,18 +471,15 @@ def picture(out, name, caption):
 def key_numbers(rows):
     """Boxes and one sentence: the gains at the target error, with their range over the start states."""
     boxes, sentences = [], []
-    names = {"plain": "plain uniform scheme", "events": "our best uniform scheme"}
+    names = {"plain": "the plain uniform scheme", "events": "our best uniform scheme"}
     for quantity, what in (("sweeps", "fewer contact evaluations"), ("wall_s", "less wall clock")):
         found = headline(series_of(rows), quantity)
-        if not found:
-            continue
-        for kind, baseline in found["baselines"].items():
-            gains = gains_by_start(rows, quantity, kind)
-            spread = f" ({min(gains):.3g} to {max(gains):.3g} over {len(gains)} start states)" if len(gains) > 1 else ""
-            boxes.append(f"<div class=key><b>{html.escape(gain_text(baseline))}</b>{what} than the {names[kind]} at error "
+        for kind in found["baselines"] if found else ():
+            gain, spread = gain_over_starts(rows, quantity, kind)
+            boxes.append(f"<div class=key><b>{html.escape(gain)}</b>{what} than {names[kind]} at error "
                          f"{short(found['error'])}{spread}</div>")
             if kind == "plain":
-                sentences.append(f"{gain_text(baseline)} {what}")
+                sentences.append(f"{gain} {what}")
     if not boxes:
         return "<p class=lead>The study charts no selective method, so there is no gain to state.</p>"
     found = headline(series_of(rows), "sweeps")
