@@ -153,7 +153,8 @@ def headline(series, quantity, error=TARGET_ERROR):
     costs = {n: cost_at(error, p, quantity) for n, p in series.items()}
     reached = {n: costs[n][0] for n in selective if costs[n][1]}
     best = min(reached, key=reached.get)
-    result = {"error": error, "name": best, "cost": reached[best], "baselines": {}}
+    known = {n: cost for n, (cost, is_known) in costs.items() if is_known}
+    result = {"error": error, "name": best, "cost": reached[best], "winner": min(known, key=known.get), "baselines": {}}
     for kind in ("plain", "events"):
         names = [n for n, p in series.items() if p[0]["family"] == kind]
         if names:
@@ -254,7 +255,9 @@ def draw_chart(rows, out):
                   ncols=min(6, len(labels)), frameon=False, fontsize=10.5)
     found = headline(series, "sweeps")
     title = "Error against cost"
-    if found and "plain" in found["baselines"]:
+    if found and found["winner"] != found["name"]:
+        title = f"{found['winner']} is the cheapest way to error {short(found['error'])}: selective stepping does not pay here"
+    elif found and "plain" in found["baselines"]:
         title = (f"{found['name']}: error {short(found['error'])} with {gain_text(found['baselines']['plain'])} fewer "
                  f"contact evaluations than plain uniform stepping")
     figure.suptitle(title, x=0.065, y=0.97, ha="left", fontsize=14.5, fontweight="bold")
@@ -482,9 +485,14 @@ def key_numbers(rows):
                 sentences.append(f"{gain} {what}")
     if not boxes:
         return "<p class=lead>The study charts no selective method, so there is no gain to state.</p>"
-    found = headline(series_of(rows), "sweeps")
-    lead = (f"<p class=lead>Use <b>{html.escape(found['name'])}</b>: at a relative position error of {short(found['error'])} it "
-            f"needs {' and '.join(html.escape(s) for s in sentences)} than the plain uniform scheme at its own best step.</p>")
+    work, time = (headline(series_of(rows), quantity) for quantity in ("sweeps", "wall_s"))
+    if work["winner"] == work["name"] == time["winner"]:
+        lead = (f"Use <b>{html.escape(work['name'])}</b>: at a relative position error of {short(work['error'])} it needs "
+                f"{' and '.join(html.escape(s) for s in sentences)} than the plain uniform scheme at its own best step.")
+    else:
+        lead = (f"At a relative position error of {short(work['error'])} the least work is that of "
+                f"<b>{html.escape(work['winner'])}</b>, the least time that of <b>{html.escape(time['winner'])}</b>.")
+    lead = f"<p class=lead>{lead}</p>"
     return lead + "<div class=keys>" + "".join(boxes) + "</div>"
 
 
