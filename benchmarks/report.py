@@ -165,11 +165,17 @@ def headline(series, quantity, error=TARGET_ERROR):
 
 
 def gain_text(baseline):
-    return ("" if baseline["known"] else "> ") + f"{baseline['gain']:.3g}×"
+    """The gain as "12×", or "> 12×" where the baseline never got so accurate; with less_or_more() it reads as it is."""
+    gain = baseline["gain"]
+    return ("" if baseline["known"] else "> ") + f"{max(gain, 1 / gain):.3g}×"
+
+
+def less_or_more(baseline, less="less"):
+    return less if baseline["gain"] >= 1 else "more"
 
 
 def gain_over_starts(rows, quantity, kind):
-    """(text, range): geometric mean over the start states, each with its own best methods, and the spread in words."""
+    """(gain, spread): geometric mean over the start states, each with its own best methods, and its range in words."""
     found = [headline(series_of([r for r in rows if r["start"] == start]), quantity)
              for start in sorted({r["start"] for r in charted(rows)})]
     baselines = [f["baselines"][kind] for f in found if f and kind in f["baselines"]]
@@ -177,7 +183,7 @@ def gain_over_starts(rows, quantity, kind):
     mean = {"gain": geometric_mean(gains), "known": all(b["known"] for b in baselines)}
     spread = (f" (geometric mean over {len(gains)} start states, {min(gains):.3g} to {max(gains):.3g})"
               if len(gains) > 1 else "")
-    return gain_text(mean), spread
+    return mean, spread
 
 
 # Where a point's label goes, by series, so that neighbouring lines do not write over each other.
@@ -227,7 +233,7 @@ def draw_gain(axes, found):
         axes.plot([cost, cost], [bottom, found["error"]], color=INK, lw=1, ls=(0, (1, 2)), zorder=2)
     axes.annotate("", xy=(found["cost"], height), xytext=(plain["cost"], height),
                   arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 2, "shrinkA": 0, "shrinkB": 0}, zorder=6)
-    axes.annotate(f"{gain_text(plain)} less", (math.sqrt(found["cost"] * plain["cost"]), height), xytext=(0, 4),
+    axes.annotate(f"{gain_text(plain)} {less_or_more(plain)}", (math.sqrt(found["cost"] * plain["cost"]), height), xytext=(0, 4),
                   textcoords="offset points", ha="center", va="bottom", fontsize=14, fontweight="bold", zorder=7)
 
 
@@ -280,11 +286,12 @@ class Frame:
         return Frame(self.position[mask], self.velocity[mask], self.radius[mask], self.kind[mask], level, self.time)
 
 
-def read_csv_state(path):
+def read_csv_state(path, outlet_open):
     table = np.genfromtxt(path, delimiter=",", names=True, dtype=None, encoding="utf-8")
     kind = np.select([table["kind"] == "content", table["kind"] == "wall"], [0, 1], 2)
     columns = lambda names: np.column_stack([table[n] for n in names]).astype(float)
-    return Frame(columns(["x", "y", "z"]), columns(["vx", "vy", "vz"]), table["radius"].astype(float), kind)
+    frame = Frame(columns(["x", "y", "z"]), columns(["vx", "vy", "vz"]), table["radius"].astype(float), kind)
+    return frame.keep((kind < 2) | (not outlet_open))
 
 
 def read_last_frame(path, outlet_open):
@@ -475,14 +482,15 @@ def key_numbers(rows):
     """Boxes and one sentence: the gains at the target error, with their range over the start states."""
     boxes, sentences = [], []
     names = {"plain": "the plain uniform scheme", "events": "our best uniform scheme"}
-    for quantity, what in (("sweeps", "fewer contact evaluations"), ("wall_s", "less wall clock")):
+    for quantity, less, what in (("sweeps", "fewer", "contact evaluations"), ("wall_s", "less", "wall clock")):
         found = headline(series_of(rows), quantity)
         for kind in found["baselines"] if found else ():
             gain, spread = gain_over_starts(rows, quantity, kind)
-            boxes.append(f"<div class=key><b>{html.escape(gain)}</b>{what} than {names[kind]} at error "
+            text = f"{less_or_more(gain, less)} {what}"
+            boxes.append(f"<div class=key><b>{html.escape(gain_text(gain))}</b>{text} than {names[kind]} at error "
                          f"{short(found['error'])}{spread}</div>")
             if kind == "plain":
-                sentences.append(f"{gain} {what}")
+                sentences.append(f"{gain_text(gain)} {text}")
     if not boxes:
         return "<p class=lead>The study charts no selective method, so there is no gain to state.</p>"
     work, time = (headline(series_of(rows), quantity) for quantity in ("sweeps", "wall_s"))
@@ -586,7 +594,11 @@ def main():
         draw_chart(rows, given.out)
     scene = scene_of(provenance(given.run) if given.run else told)
     outlet_open = (scene.get("phase") or [{}])[-1].get("outlet") == "open"
-    frame = read_last_frame(given.run, outlet_open) if given.run else read_csv_state(given.state) if given.state else None
+    frame = None
+    if given.run:
+        frame = read_last_frame(given.run, outlet_open)
+    elif given.state:
+        frame = read_csv_state(given.state, outlet_open)
     if frame:
         draw_section(frame, given.out)
         contact = contact_keys(scene)
