@@ -137,24 +137,6 @@ void add_ball(State& state, const CsvLine& line) {
   state.add(id, its_kind, position, velocity, radius);
 }
 
-State read_csv(const std::string& path) {
-  const std::string text = read_text(path);
-  State state;
-  std::size_t line_number = 0;
-  for (std::size_t from = 0; from < text.size();) {
-    const std::size_t end = std::min(text.find('\n', from), text.size());
-    const std::string_view line = trimmed(std::string_view(text).substr(from, end - from));
-    from = end + 1;
-    ++line_number;
-    if (line_number == 1)
-      GC_REQUIRE(line == kHeader, "{}:1: the header is `{}`; it must be `{}`", path, line.substr(0, 80), kHeader);
-    else if (!line.empty())
-      add_ball(state, cut(path, line_number, line));
-  }
-  GC_REQUIRE(state.size() > 0, "{}: has no balls; give the header `{}` and a line per ball", path, kHeader);
-  return state;
-}
-
 std::string csv_text(const State& state) {
   std::string text(kHeader);
   text += '\n';
@@ -213,6 +195,24 @@ State read_state(const Hdf5Group& parent) {
   std::apply([&](const auto&... field) { (read(field), ...); }, kFields);
   const auto stored = group.read<std::uint64_t>(kChecksum);
   if (stored.size() != 1 || stored[0] != checksum(state)) group.fail(kChecksum, "does not match the data: the file is damaged");
+  return state;
+}
+
+State read_csv(const std::string& path) {
+  const std::string text = read_text(path);
+  State state;
+  std::size_t line_number = 0;
+  for (std::size_t from = 0; from < text.size();) {
+    const std::size_t end = std::min(text.find('\n', from), text.size());
+    const std::string_view line = trimmed(std::string_view(text).substr(from, end - from));
+    from = end + 1;
+    ++line_number;
+    if (line_number == 1)
+      GC_REQUIRE(line == kHeader, "{}:1: the header is `{}`; it must be `{}`", path, line.substr(0, 80), kHeader);
+    else if (!line.empty())
+      add_ball(state, cut(path, line_number, line));
+  }
+  GC_REQUIRE(state.size() > 0, "{}: has no balls; give the header `{}` and a line per ball", path, kHeader);
   return state;
 }
 

@@ -12,6 +12,8 @@ namespace grainclock::core {
 /// Reads a state from .csv or .h5, by the extension. Throws InputError for an unknown extension or bad content
 /// (CSV: file:line:column, the value and what would be right), FileError for a missing, unreadable or damaged file.
 State read_state(const std::string& path);
+/// Reads a CSV state, whatever the file is called.
+State read_csv(const std::string& path);
 /// Writes a state to .csv or .h5, by the extension, aside and renamed. Throws FileError, or InputError for the extension.
 void write_state(const std::string& path, const State& state);
 

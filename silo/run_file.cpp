@@ -155,7 +155,7 @@ RunFile::RunFile(fs::path directory, const State& start, Header header) : RunFil
 RunFile RunFile::resumed(fs::path directory, Header header, std::int64_t frames) {
   RunFile file(std::move(directory), std::move(header));
   const fs::path segments = file.directory_ / kSegments;
-  file.start_ = core::read_state((segments / kStart).string());
+  file.start_ = start_in(file.directory_);
   file.content_ = content_ids(file.start_);
 
   // A kill may leave merged segments beside the ones that they were made from: the longest one counts.
@@ -183,6 +183,8 @@ RunFile RunFile::resumed(fs::path directory, Header header, std::int64_t frames)
   file.remove_unused(found);
   return file;
 }
+
+State RunFile::start_in(const fs::path& directory) { return core::read_state((directory / kSegments / kStart).string()); }
 
 void RunFile::add(const Frame& frame) {
   const State& state = frame.state;
@@ -401,7 +403,13 @@ std::optional<std::vector<double>> RunReader::observable(const std::string& name
   return file_.read_rows<double>(path, static_cast<std::uint64_t>(frame), 1);
 }
 
-std::string RunReader::scene_text() const { return file_.read_text("provenance/scene"); }
+toml::table RunReader::scene() const {
+  try {
+    return toml::parse(file_.read_text("provenance/scene"));
+  } catch (const toml::parse_error& error) {
+    file_.fail("provenance/scene", fmt::format("is not TOML, so it is damaged: {}", error.description()));
+  }
+}
 
 bool is_run(const std::string& path) { return Hdf5File::open(path).has("h5md"); }
 

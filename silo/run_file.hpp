@@ -11,6 +11,8 @@
 #include "core/scene.hpp"
 #include "core/state.hpp"
 
+#include <toml++/toml.h>
+
 #include <chrono>
 #include <filesystem>
 #include <optional>
@@ -40,7 +42,7 @@ inline constexpr const char* kWallForceByLayer = "wall_force_by_layer";  // carr
 class RunFile {
  public:
   struct Header {
-    const core::Scene& scene;
+    core::Scene scene;
     int threads = 1;
     std::vector<double> layer_edges;  // m, of the observables by layer
   };
@@ -48,6 +50,9 @@ class RunFile {
   RunFile(std::filesystem::path directory, const core::State& start, Header header);
   /// Goes on with the file of a run that was stopped, after its first `frames` frames: later ones are dropped.
   static RunFile resumed(std::filesystem::path directory, Header header, std::int64_t frames);
+
+  /// The state that the run of this directory began with. Throws FileError.
+  static core::State start_in(const std::filesystem::path& directory);
 
   /// Takes a frame; writes it out at once or, to write larger pieces, within about two seconds of frames.
   void add(const Frame& frame);
@@ -105,8 +110,8 @@ class RunReader {
   /// Names of the observables, and one of them in a frame; nothing if the run has no such one.
   std::vector<std::string> observables() const;
   std::optional<std::vector<double>> observable(const std::string& name, std::int64_t frame) const;
-  /// The resolved scene as TOML text.
-  std::string scene_text() const;
+  /// The resolved scene.
+  toml::table scene() const;
 
  private:
   core::Hdf5File file_;

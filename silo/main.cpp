@@ -1,0 +1,143 @@
+// The command line: sub-commands, their options, and the exit codes.
+#include "benchmarks/compare.hpp"
+#include "benchmarks/study.hpp"
+#include "core/check.hpp"
+#include "core/scene.hpp"
+#include "core/snapshot.hpp"
+#include "silo/check.hpp"
+#include "silo/export.hpp"
+#include "silo/import.hpp"
+#include "silo/info.hpp"
+#include "silo/provenance.hpp"
+#include "silo/run.hpp"
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <map>
+
+namespace {
+
+using namespace grainclock;
+using core::ExitCode;
+
+int code_of(ExitCode code) { return static_cast<int>(code); }
+
+void print(const silo::Report& report, bool as_json) {
+  fmt::print("{}", as_json ? report.json() + "\n" : report.text());
+}
+
+/// The options of all sub-commands; each call sets those of its own.
+struct Options {
+  std::string file, second, output;
+  std::vector<std::string> overrides;
+  silo::RunOptions run;
+  silo::ExportOptions exported{};
+  benchmarks::CompareOptions compared;
+  bool json = false;
+};
+
+CLI::App* command(CLI::App& app, const char* name, const char* text, std::function<void()> call) {
+  CLI::App* sub = app.add_subcommand(name, text);
+  sub->callback(std::move(call));
+  return sub;
+}
+
+void add_threads(CLI::App* sub, Options& o) {
+  sub->add_option("--threads", o.run.threads, "Threads; results are the same for any number")->check(CLI::Range(1, 1024))->capture_default_str();
+}
+void add_checkpoints(CLI::App* sub, Options& o) {
+  sub->add_option("--checkpoint-every", o.run.checkpoint_every, "Wall-clock seconds between checkpoints")->check(CLI::NonNegativeNumber)->capture_default_str();
+}
+void add_set(CLI::App* sub, Options& o) {
+  sub->add_option("--set", o.overrides, "key=value: overrides a key of the scene, as in stepping.step=1e-5 or phase.0.outlet=open")
+      ->allow_extra_args(false);
+}
+void add_json(CLI::App* sub, Options& o) { sub->add_flag("--json", o.json, "Print JSON"); }
+
+void add_commands(CLI::App& app, Options& o) {
+  auto* run = command(app, "run", "Run the phases of a scene", [&o] { silo::run_scene(core::read_scene(o.file, o.overrides), o.output, o.run); });
+  run->add_option("SCENE", o.file, "Scene file (TOML)")->required();
+  run->add_option("--out", o.output, "Output directory, new or empty")->required();
+  add_set(run, o);
+  add_threads(run, o);
+  add_checkpoints(run, o);
+
+  auto* resume = command(app, "resume", "Go on with a run from its newest intact checkpoint", [&o] { silo::resume_run(o.file, o.run); });
+  resume->add_option("DIR", o.file, "Output directory of the run")->required();
+  add_threads(resume, o);
+  add_checkpoints(resume, o);
+
+  auto* check = command(app, "check", "Critical steps, levels, predicted gain, time and memory of a scene, without a run",
+                        [&o] { print(silo::check_scene(core::read_scene(o.file, o.overrides), o.run.threads), o.json); });
+  check->add_option("SCENE", o.file, "Scene file (TOML)")->required();
+  add_set(check, o);
+  add_threads(check, o);
+  add_json(check, o);
+
+  auto* study = command(app, "study", "The accuracy-versus-speed matrix: reference, methods, errors, costs",
+                        [&o] { benchmarks::run_study(o.file, o.output, o.run.threads); });
+  study->add_option("STUDY", o.file, "Study file (TOML)")->required();
+  study->add_option("--out", o.output, "Output directory, new or empty")->required();
+  add_threads(study, o);
+
+  auto* compare = command(app, "compare", "Error measures of A against the reference B, two runs or states",
+                          [&o] { print(benchmarks::compare(o.file, o.second, o.compared), o.json); });
+  compare->add_option("A", o.file, "Run or state")->required();
+  compare->add_option("B", o.second, "Run or state that A is measured against")->required();
+  compare->add_option("--at", o.compared.at, "Time in s (default: the last that both have)");
+  compare->add_option("--start", o.compared.start, "State that both began with (default: the first frame of B)");
+  add_json(compare, o);
+
+  const std::map<std::string, silo::Format> formats{{"vtk", silo::Format::vtk},
+                                                    {"lammps-data", silo::Format::lammps_data},
+                                                    {"lammps-dump", silo::Format::lammps_dump},
+                                                    {"csv", silo::Format::csv}};
+  auto* exported = command(app, "export", "Write a run's frame or a state for ParaView, OVITO, LAMMPS or a spreadsheet",
+                           [&o] { silo::export_file(o.file, o.exported); });
+  exported->add_option("FILE", o.file, "Run, checkpoint or state")->required();
+  exported->add_option("--to", o.exported.format, "vtk (.vtp, or .pvd with --all), lammps-data, lammps-dump or csv")
+      ->required()
+      ->transform(CLI::CheckedTransformer(formats));
+  exported->add_option("--output", o.exported.output, "File to write")->required();
+  exported->add_option("--at", o.exported.at, "Time in s (default: the last frame)");
+  exported->add_flag("--all", o.exported.all, "Every frame of the run (vtk, lammps-dump)");
+
+  auto* import = command(app, "import", "Turn a CSV, LAMMPS data or LAMMPS dump file into a state",
+                         [&o] { core::write_state(o.output, silo::import_file(o.file)); });
+  import->add_option("FILE", o.file, "CSV, LAMMPS data (atom_style sphere) or LAMMPS dump")->required();
+  import->add_option("--output", o.output, "State to write (.h5 or .csv)")->required();
+
+  auto* info = command(app, "info", "What is in a file, and where it comes from", [&o] { print(silo::file_info(o.file), o.json); });
+  info->add_option("FILE", o.file, "Run, checkpoint, state or study (HDF5)")->required();
+  add_json(info, o);
+}
+
+int report(const std::string& text, ExitCode code) {
+  fmt::print(stderr, "grainclock: {}\n", text);
+  return code_of(code);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("grainclock: multi-rate discrete elements for granular material in silos. SI units everywhere.", "grainclock");
+  app.set_version_flag("--version", "grainclock " + silo::version());
+  app.require_subcommand(1);
+  Options options;
+  add_commands(app, options);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? code_of(ExitCode::done) : code_of(ExitCode::bad_input);
+  } catch (const core::Error& error) {
+    return report(error.what(), error.code());
+  } catch (const std::filesystem::filesystem_error& error) {
+    return report(error.what(), ExitCode::file_trouble);
+  } catch (const std::bad_alloc&) {
+    return report("there is not enough memory; take fewer balls", ExitCode::numerics_failed);
+  }
+  return code_of(ExitCode::done);
+}

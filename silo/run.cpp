@@ -1,0 +1,384 @@
+#include "silo/run.hpp"
+
+#include "core/check.hpp"
+#include "core/critical_step.hpp"
+#include "core/files.hpp"
+#include "core/snapshot.hpp"
+#include "multirate/stepper.hpp"
+#include "silo/check.hpp"
+#include "silo/checkpoint.hpp"
+#include "silo/filling.hpp"
+#include "silo/observables.hpp"
+#include "silo/phases.hpp"
+#include "silo/progress.hpp"
+#include "silo/run_file.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <filesystem>
+
+namespace grainclock::silo {
+namespace {
+
+namespace fs = std::filesystem;
+using core::Energies;
+using core::Phase;
+using core::Scene;
+using core::State;
+using core::Stepper;
+using core::StepperSetup;
+using Clock = std::chrono::steady_clock;
+
+constexpr const char* kSceneFile = "scene.toml";
+constexpr const char* kCheckpoints = "checkpoints";
+constexpr const char* kFinalState = "final.h5";
+constexpr double kCheckEvery = 0.01;  // s simulated, between checks whether a phase is over
+
+// A signal handler can reach nothing but a variable of this kind.
+volatile std::sig_atomic_t stop_signal = 0;
+extern "C" void note_signal(int signal) { stop_signal = signal; }
+
+/// Takes SIGINT and SIGTERM while it lives.
+class SignalGuard {
+ public:
+  SignalGuard() {
+    stop_signal = 0;
+    struct sigaction action {};
+    action.sa_handler = note_signal;
+    ::sigaction(SIGINT, &action, &old_interrupt_);
+    ::sigaction(SIGTERM, &action, &old_terminate_);
+  }
+  ~SignalGuard() {
+    ::sigaction(SIGINT, &old_interrupt_, nullptr);
+    ::sigaction(SIGTERM, &old_terminate_, nullptr);
+  }
+  SignalGuard(const SignalGuard&) = delete;
+  SignalGuard& operator=(const SignalGuard&) = delete;
+
+ private:
+  struct sigaction old_interrupt_ {}, old_terminate_ {};
+};
+
+double seconds_since(Clock::time_point then) { return std::chrono::duration<double>(Clock::now() - then).count(); }
+
+class Run {
+ public:
+  Run(Scene scene, fs::path directory, const RunOptions& options, RunFile file, std::optional<Layers> layers)
+      : scene_(std::move(scene)), directory_(std::move(directory)), options_(options), file_(std::move(file)), layers_(layers) {}
+
+  /// From the very beginning.
+  void begin(const Start& start) {
+    at_.first_collar = start.first_collar;
+    at_.phase_start = start.state.time;
+    start_phase(fresh(start.state), nullptr);
+    at_.start = stepper_->energies();
+    add_frame();
+    go();
+  }
+
+  /// From a checkpoint of the same run.
+  void go_on(const Checkpoint& checkpoint) {
+    at_ = checkpoint.position;
+    StepperSetup setup = setup_of(phase(), checkpoint.state);
+    setup.stepping.step = at_.step;
+    setup.steps_done = at_.steps;
+    setup.ledger = at_.ledger;
+    setup.costs = at_.costs;
+    stepper_ = multirate::make_stepper(checkpoint.state, setup);
+    go();
+  }
+
+ private:
+  const Phase& phase() const { return scene_.phases[static_cast<std::size_t>(at_.phase)]; }
+  StepperSetup setup_of(const Phase& its_phase, const State& state) const {
+    return phase_setup(scene_, its_phase, state, options_.threads);
+  }
+  std::int64_t steps_per_frame() const { return std::llround(phase().every / at_.step); }
+  std::int64_t last_step() const { return std::llround(phase().duration / phase().every) * steps_per_frame(); }
+
+  /// Time of a step of the phase [s], never summed up: whole frames of `every` and whole steps beyond them.
+  double time_at(std::int64_t steps) const {
+    const std::int64_t n = steps_per_frame();
+    return at_.phase_start + static_cast<double>(steps / n) * phase().every + static_cast<double>(steps % n) * at_.step;
+  }
+
+  void go() {
+    const SignalGuard signals;
+    try {
+      while (true) {
+        run_phase();
+        if (at_.phase + 1 == static_cast<std::int64_t>(scene_.phases.size())) break;
+        next_phase();
+      }
+      finish();
+    } catch (const core::NumericsError& error) {
+      file_.flush();
+      throw core::NumericsError(diagnosis(error.what()));
+    }
+  }
+
+  // -------------------------------------------------------------- phases
+
+  /// A new stepper for the phase at_.phase from this state; `before`: the stepper that it takes over from.
+  void start_phase(State state, const Stepper* before) {
+    StepperSetup setup = setup_of(phase(), state);
+    if (before) {
+      setup.ledger = at_.ledger;
+      setup.costs = before->costs();
+      stepper_ = multirate::make_stepper(state, setup);
+      // What the energy jumps by is the switch's doing: other stiffness, a plug that comes or goes.
+      const Energies energies = stepper_->energies();
+      setup.ledger.switched_energy += energies.total() - energy_before_switch_;
+    }
+    stepper_ = multirate::make_stepper(state, setup);
+    at_.step = *setup.stepping.step;
+    at_.steps = 0;
+    at_.mean = mean_ball(state, setup.materials);
+    const std::int64_t discharged = stepper_->ledger().discharged;
+    at_.watch = {-1, discharged, static_cast<std::int64_t>(state.count(core::Kind::content)), discharged, 0};
+
+    const Report report = phase_report(phase(), state, setup);
+    const core::StepBounds bounds = critical_steps(state, setup.materials, setup.outlet_open, setup.stepping.integrator);
+    critical_step_ = bounds.smallest;
+    fmt::print("\nphase {} of {}: \"{}\" from {:.6g} s\n{}", at_.phase + 1, scene_.phases.size(), phase().name, at_.phase_start,
+               report.text(2));
+    std::fflush(stdout);
+  }
+
+  void next_phase() {
+    const bool was_open = phase().outlet_open;
+    State state = fresh(stepper_->state());
+    state.time = time_at(at_.steps);
+    at_.phase_start = state.time;
+    at_.ledger = stepper_->ledger();
+    energy_before_switch_ = stepper_->energies().total();
+    ++at_.phase;
+    if (at_.first_collar >= 0) {
+      remove_collar(state, at_.first_collar);
+      at_.first_collar = -1;
+    }
+    if (was_open && !phase().outlet_open) cut_off(state);
+    start_phase(std::move(state), stepper_.get());
+  }
+
+  /// Closing the outlet: the gate takes the balls that it would shut in.
+  void cut_off(State& state) {
+    const State whole = state;
+    const std::vector<core::BallId> cut = clear_gate(state);
+    const core::Materials& materials = phase().materials;
+    for (const core::BallId id : cut) {
+      const auto i = static_cast<std::size_t>(std::lower_bound(whole.id.begin(), whole.id.end(), id) - whole.id.begin());
+      const double m = materials.mass(whole.radius[i]);
+      const core::Vec3 &x = whole.position[i], &v = whole.velocity[i];
+      const double energy = 0.5 * m * v.squaredNorm() - m * scene_.gravity.dot(x);
+      at_.ledger.removed_energy += energy;
+      at_.ledger.removed_momentum += m * v;
+      energy_before_switch_ -= energy;
+    }
+    at_.ledger.discharged += static_cast<std::int64_t>(cut.size());
+    if (!cut.empty())
+      fmt::print("closing the outlet: {} balls stand in the gate's way; it cuts them off, and they count as discharged\n", cut.size());
+  }
+
+  void run_phase() {
+    progress_.emplace(phase().name, phase().duration, time_at(at_.steps) - at_.phase_start);
+    const std::int64_t n_frame = steps_per_frame(), last = last_step();
+    const bool is_watched = phase().until != core::Until::duration;
+    const std::int64_t n_check = std::max<std::int64_t>(1, std::llround(kCheckEvery / at_.step));
+    std::optional<std::string> reason;
+    while (at_.steps < last && !reason) {
+      std::int64_t target = (at_.steps / n_frame + 1) * n_frame;
+      if (is_watched) target = std::min(target, (at_.steps / n_check + 1) * n_check);
+      advance_to(target);
+      if (is_watched && at_.steps % n_check == 0)
+        reason = phase_end(phase(), at_.mean, scene_.gravity.norm(), at_.step, at_.steps, stepper_->energies(),
+                           stepper_->ledger().discharged, at_.watch);
+      if (at_.steps % n_frame == 0 || reason) add_frame();
+    }
+    progress_.reset();
+    fmt::print("phase \"{}\" ends at {:.6g} s: {}\n", phase().name, time_at(at_.steps),
+               reason ? *reason : is_watched ? "the longest time it may take is over" : "its duration is over");
+    std::fflush(stdout);
+  }
+
+  /// Steps to this step of the phase, with checkpoints and signals served on the way. Chunks change no result.
+  void advance_to(std::int64_t target) {
+    while (at_.steps < target) {
+      const bool is_wanted = stop_signal != 0 || last_checkpoint_.empty() || seconds_since(checkpoint_time_) > options_.checkpoint_every;
+      if (is_wanted && stepper_->is_checkpointable()) {
+        save();
+        if (stop_signal != 0) stop();
+      }
+      const std::int64_t n = std::min(target - at_.steps, is_wanted ? 1 : chunk_);
+      const auto begin = Clock::now();
+      stepper_->advance(n);
+      at_.steps += n;
+      at_.total_steps += n;
+      // As many steps at once as take about a tenth of a second: a signal is served soon, yet the clock is read rarely.
+      const double elapsed = seconds_since(begin);
+      if (n == chunk_) chunk_ = elapsed > 0.1 ? std::max<std::int64_t>(1, chunk_ / 2) : elapsed < 0.05 ? chunk_ * 2 : chunk_;
+      progress_->note(time_at(at_.steps) - at_.phase_start, stepper_->ledger().discharged);
+    }
+  }
+
+  // -------------------------------------------------------------- output
+
+  State state_now() const {
+    State state = stepper_->state();
+    state.time = time_at(at_.steps);
+    return state;
+  }
+
+  void add_frame() {
+    const State state = state_now();
+    file_.add({state.time, at_.total_steps, state, observe(*stepper_, state, at_.start, layers_)});
+  }
+
+  void save() {
+    file_.flush();  // a checkpoint never refers to frames that are not on the disk
+    at_.frames = file_.frames();
+    at_.ledger = stepper_->ledger();
+    at_.costs = stepper_->costs();
+    last_checkpoint_ = write_checkpoint(directory_ / kCheckpoints, {state_now(), at_});
+    checkpoint_time_ = Clock::now();
+  }
+
+  [[noreturn]] void stop() {
+    progress_->end_line();
+    throw core::Stopped(fmt::format("stopped by {} at {:.6g} s; `grainclock resume {}` goes on", stop_signal == SIGINT ? "SIGINT" : "SIGTERM",
+                                    time_at(at_.steps), directory_.string()));
+  }
+
+  void finish() {
+    const Energies energies = stepper_->energies();
+    State state = fresh(state_now());
+    state.impacted.clear();  // a scene that starts from here has impacts of its own
+    if (at_.first_collar >= 0) remove_collar(state, at_.first_collar);
+    file_.flush();
+    core::write_state((directory_ / kFinalState).string(), state);
+    at_.frames = file_.frames();
+    at_.ledger = stepper_->ledger();
+    at_.costs = stepper_->costs();
+    at_.phase_start = state.time;
+    at_.phase = static_cast<std::int64_t>(scene_.phases.size());
+    write_checkpoint(directory_ / kCheckpoints, {state, at_});
+    print_ledger(energies);
+  }
+
+  void print_ledger(const Energies& now) const {
+    const core::Ledger& ledger = stepper_->ledger();
+    const core::Costs costs = stepper_->costs();
+    Report report;
+    report.add("kinetic", "kinetic energy", now.kinetic, "J");
+    report.add("gravity", "gravity energy, change", now.gravity - at_.start.gravity, "J");
+    report.add("elastic", "elastic energy", now.elastic, "J");
+    report.add("dissipated", "dissipated by dashpots", ledger.dissipated, "J");
+    report.add("first_impact", "removed by first-impact stops", ledger.first_impact, "J");
+    report.add("event_work", "put in by event corrections", ledger.event_work, "J");
+    report.add("removed", "carried away by balls that left", ledger.removed_energy, "J");
+    report.add("switched", "put in by switching stiffness or outlet", ledger.switched_energy, "J");
+    report.add("energy_residual", "energy residual / energy turned over", core::energy_residual(at_.start, now, ledger));
+    report.add("momentum_residual", "momentum residual / sum of |impulses|", core::momentum_residual(at_.start, now, ledger));
+    report.add("discharged", "balls discharged", ledger.discharged);
+    report.add("contact_evaluations", "contact evaluations", static_cast<double>(costs.contact_evaluations));
+    report.add("ball_updates", "ball updates", static_cast<double>(costs.ball_updates));
+    report.add("events", "event corrections", static_cast<double>(costs.events));
+    report.add("missed_contacts", "missed contacts", static_cast<std::int64_t>(costs.missed_contacts));
+    fmt::print("\nledger\n{}done: {}\n", report.text(2), directory_.string());
+    std::fflush(stdout);
+  }
+
+  std::string diagnosis(const std::string& what) const {
+    const core::LevelStatistics levels = stepper_->level_statistics();
+    std::string text = fmt::format("{}\n  phase \"{}\", after {:.6g} s\n  coarsest step {:.4g} s, dt/dt_crit {:.3g} at the phase's start\n", what,
+                                   phase().name, time_at(at_.steps), at_.step, at_.step / critical_step_);
+    for (std::size_t level = 0; level < levels.step.size(); ++level)
+      text += fmt::format("  level {}: step {:.4g} s, {:.1f} balls\n", level, levels.step[level], levels.balls[level]);
+    text += last_checkpoint_.empty() ? std::string("  there is no checkpoint of this phase yet")
+                                     : fmt::format("  last good checkpoint: {}", last_checkpoint_);
+    return text + "\n  take a smaller step (stepping.step, tolerance) or a weaker dashpot";
+  }
+
+  Scene scene_;
+  fs::path directory_;
+  RunOptions options_;
+  RunFile file_;
+  std::optional<Layers> layers_;
+  std::unique_ptr<Stepper> stepper_;
+  Position at_;
+  double energy_before_switch_ = 0.0;  // J, without the balls that the gate cut off
+  double critical_step_ = 0.0;         // s, at the phase's start
+  std::optional<Progress> progress_;
+  std::string last_checkpoint_;
+  Clock::time_point checkpoint_time_ = Clock::now();
+  std::int64_t chunk_ = 1;
+};
+
+/// Everything about the output directory that can be refused before anything is done.
+void require_free(const fs::path& directory) {
+  if (!fs::exists(directory)) return;
+  GC_REQUIRE(fs::is_directory(directory), "--out {}: is a file; give a new or an empty directory", directory.string());
+  GC_REQUIRE(fs::is_empty(directory), "--out {}: exists and is not empty; give a new directory, or `grainclock resume {}` to go on",
+             directory.string(), directory.string());
+}
+
+void make_directories(const fs::path& directory) {
+  std::error_code trouble;
+  fs::create_directories(directory / kCheckpoints, trouble);
+  if (trouble) throw core::FileError(fmt::format("{}: cannot be created: {}", directory.string(), trouble.message()));
+}
+
+RunFile::Header header_of(const Scene& scene, const RunOptions& options, const std::optional<Layers>& layers) {
+  return {scene, options.threads, layers ? edges(*layers) : std::vector<double>{}};
+}
+
+}  // namespace
+
+void run_scene(const Scene& scene, const std::string& directory, const RunOptions& options) {
+  require_free(directory);
+  const Start start = start_of(scene);
+  // Every phase's stepper is made once, so that what is not offered shows now and not after hours.
+  for (const Phase& phase : scene.phases) multirate::make_stepper(fresh(start.state), phase_setup(scene, phase, start.state, options.threads));
+
+  State recorded = start.state;  // the collar is a tool of the filling, not part of the silo
+  if (start.first_collar >= 0) remove_collar(recorded, start.first_collar);
+  make_directories(directory);
+  core::write_text(fs::path(directory) / kSceneFile, scene.text);
+  const auto layers = layers_of(recorded);
+  Run run(scene, directory, options, RunFile(directory, recorded, header_of(scene, options, layers)), layers);
+  run.begin(start);
+}
+
+void resume_run(const std::string& directory, const RunOptions& options) {
+  const fs::path path(directory);
+  if (!fs::exists(path / kSceneFile)) throw core::FileError(fmt::format("{}: holds no run (there is no {} in it)", directory, kSceneFile));
+  const Scene scene = core::read_scene((path / kSceneFile).string());
+  std::optional<Checkpoint> checkpoint;
+  for (const fs::path& candidate : checkpoints_in(path / kCheckpoints)) {
+    try {
+      checkpoint = read_checkpoint(candidate);
+      fmt::print("resuming from {} at {:.6g} s\n", candidate.string(), checkpoint->state.time);
+      break;
+    } catch (const core::Error& error) {
+      fmt::print("passing over a damaged checkpoint: {}\n", error.what());
+    }
+  }
+  if (!checkpoint) throw core::FileError(fmt::format("{}: holds no intact checkpoint; run the scene anew", (path / kCheckpoints).string()));
+  const std::int64_t phases = static_cast<std::int64_t>(scene.phases.size());
+  if (checkpoint->position.phase == phases) {
+    fmt::print("{}: this run is over; there is nothing to resume\n", directory);
+    return;
+  }
+  if (checkpoint->position.phase < 0 || checkpoint->position.phase > phases)
+    throw core::FileError(fmt::format("{}: the checkpoint belongs to another scene", directory));
+  const State recorded = RunFile::start_in(path);
+  const auto layers = layers_of(recorded);
+  Run run(scene, path, options, RunFile::resumed(path, header_of(scene, options, layers), checkpoint->position.frames), layers);
+  run.go_on(*checkpoint);
+}
+
+}  // namespace grainclock::silo
