@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 namespace grainclock::core {
@@ -60,6 +61,22 @@ void BallStepper::weigh() {
   weight_ = total * setup_.gravity;
 }
 
+AdvanceParameters BallStepper::advance_parameters() const {
+  const auto limit = [](const std::optional<Vec3>& value, int k, double otherwise) { return value ? (*value)[k] : otherwise; };
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const Domain& domain = setup_.domain;
+  AdvanceParameters p{};
+  for (int k = 0; k < 3; ++k) {
+    p.gravity[k] = setup_.gravity[k];
+    p.lower[k] = limit(domain.lower, k, -kInfinity);
+    p.upper[k] = limit(domain.upper, k, kInfinity);
+  }
+  p.outlet_z = domain.outlet_z.value_or(-kInfinity);
+  p.unit = scale_.unit;
+  p.step = step_;
+  return p;
+}
+
 void BallStepper::load_synchronised(const State& state) {
   std::vector<std::uint32_t> order = by_id(balls_);
   auto next = order.begin();
@@ -85,11 +102,14 @@ State BallStepper::state() const {
   out.time = start_time_ + elapsed();
   out.length_scale = length_scale_;
   const std::vector<std::uint8_t> level = levels();
+  const bool restartable = is_checkpointable();
   std::size_t f = 0;
   const auto add_fixed = [&](std::size_t k) {
     out.add(fixed_.id[k], fixed_.kind[k], fixed_.position[k], Vec3::Zero(), fixed_.radius[k]);
-    out.evaluated_position.push_back(fixed_.position[k]);
-    out.evaluated_velocity.push_back(Vec3::Zero());
+    if (restartable) {
+      out.evaluated_position.push_back(fixed_.position[k]);
+      out.evaluated_velocity.push_back(Vec3::Zero());
+    }
     out.level.push_back(0);
     out.impacted.push_back(0);
   };
@@ -97,8 +117,10 @@ State BallStepper::state() const {
     while (f < fixed_.size() && fixed_.id[f] < balls_.id[row]) add_fixed(f++);
     const BallRow& r = balls_.rows[row];
     out.add(balls_.id[row], Kind::content, position(r), velocity(r), r.r);
-    out.evaluated_position.push_back(position(evaluated_[row]));
-    out.evaluated_velocity.push_back(velocity(evaluated_[row]));
+    if (restartable) {
+      out.evaluated_position.push_back(position(evaluated_[row]));
+      out.evaluated_velocity.push_back(velocity(evaluated_[row]));
+    }
     out.level.push_back(level.empty() ? std::uint8_t{0} : level[row]);
     out.impacted.push_back(impacted_[row]);
   }

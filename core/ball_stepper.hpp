@@ -37,6 +37,15 @@ class BallStepper : public Stepper {
   [[noreturn]] void throw_overloaded() const;
   /// Seconds from the start of the time line of this stepper to now.
   double elapsed() const { return static_cast<double>(steps_done_ - first_step_) * step_; }
+  /// Gravity, domain, unit and coarsest step for the kernels.
+  AdvanceParameters advance_parameters() const;
+  Vec3 newtons(const IntVec& force) const {
+    return scale_.unit * Vec3(static_cast<double>(force.v[0]), static_cast<double>(force.v[1]), static_cast<double>(force.v[2]));
+  }
+  /// Acceleration [m/s2] of a step that was opened by this force.
+  Vec3 path_acceleration(std::uint32_t row, const IntVec& opening) const {
+    return setup_.gravity + balls_.inverse_mass[row] * newtons(opening);
+  }
   double mass(std::uint32_t row) const { return 1.0 / balls_.inverse_mass[row]; }
   SweepLaw law(bool fixed, double step) const { return sweep_law(setup_.materials, fixed, scale_, step); }
   /// Books `weight` seconds of the powers and wall forces of an evaluation.

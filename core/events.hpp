@@ -46,14 +46,15 @@ class EventBook {
   };
 
   void clear() { entries_.clear(); }
-  /// Examines candidate pairs `which` of `pairs` whose last evaluation was `step` [s] ago; `steps` gives a step of its
-  /// own to each pair instead if not empty. `acceleration(row)` is the acceleration [m/s2] of the row's present path.
-  template <class Acceleration>
-  void examine(std::span<const BallRow> rows, PairSpan pairs, std::span<const std::uint32_t> which,
-               const SweepLaw& law, std::span<const double> steps, Acceleration acceleration) {
+  /// Examines candidate pairs `which` of `pairs` at the end of their steps. `step_of(pair)` is the pair's step [s], 0 to
+  /// pass it over; `acceleration(row)` is that of the row's present path [m/s2].
+  template <class StepOf, class Acceleration>
+  void examine(std::span<const BallRow> rows, PairSpan pairs, std::span<const std::uint32_t> which, const SweepLaw& law,
+               StepOf step_of, Acceleration acceleration) {
     for (const std::uint32_t p : which) {
+      const double h = step_of(p);
+      if (h <= 0.0) continue;
       const std::uint32_t i = pairs.i[p], j = pairs.j[p];
-      const double h = steps.empty() ? law.step : steps[p];
       examine_pair(rows[i], rows[j], i, j, acceleration(i), law.both ? acceleration(j) : Vec3(0.0, 0.0, 0.0), law, h);
     }
   }

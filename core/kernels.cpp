@@ -17,6 +17,8 @@ constexpr int kWidth = 4;
 #endif
 typedef double Real [[gnu::vector_size(8 * kWidth)]];
 typedef std::int64_t Int [[gnu::vector_size(8 * kWidth)]];
+typedef double RealOut [[gnu::vector_size(8 * kWidth), gnu::aligned(8)]];  // where arrays are only element-aligned
+typedef std::int64_t IntOut [[gnu::vector_size(8 * kWidth), gnu::aligned(8)]];
 typedef double Real4 [[gnu::vector_size(32)]];
 typedef std::int64_t Int4 [[gnu::vector_size(32)]];
 
@@ -168,7 +170,7 @@ struct LaneTotals {
 /// What the law says of kWidth pairs.
 struct Evaluated {
   Real overlap, rate, nx, ny, nz, speed;
-  Int fx, fy, fz;
+  Int fx, fy, fz, magnitude, power, turned;
   unsigned candidates;
 };
 
@@ -196,9 +198,12 @@ GC_INLINE Evaluated evaluate(const BallRow* rows, const std::uint32_t* i, const 
   totals.fx += out.fx;
   totals.fy += out.fy;
   totals.fz += out.fz;
-  totals.magnitude += __builtin_convertvector(size * law.per_total, Int);
-  totals.power += __builtin_convertvector((force - spring) * out.rate * law.per_total, Int);
-  totals.turned += __builtin_convertvector(size * magnitude(out.rate) * law.per_total, Int);
+  out.magnitude = __builtin_convertvector(size * law.per_total, Int);
+  out.power = __builtin_convertvector((force - spring) * out.rate * law.per_total, Int);
+  out.turned = __builtin_convertvector(size * magnitude(out.rate) * law.per_total, Int);
+  totals.magnitude += out.magnitude;
+  totals.power += out.power;
+  totals.turned += out.turned;
   // Written so that a NaN counts as overloaded.
   totals.bad |= ~((size <= splat(law.force_limit)) & (4.0 * out.overlap <= d.radii));
 
@@ -309,12 +314,15 @@ void record_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law_in, P
   alignas(64) IntVec buffer[kWidth];
   for (std::size_t p = 0; p < pairs.n; p += kWidth) {
     const Evaluated e = evaluate<T, true>(rows, pairs.i + p, pairs.j + p, law, lanes);
-    *reinterpret_cast<Real*>(out.overlap + p) = e.overlap;
-    *reinterpret_cast<Real*>(out.rate + p) = e.rate;
-    *reinterpret_cast<Real*>(out.speed + p) = e.speed;
-    *reinterpret_cast<Real*>(out.normal[0] + p) = e.nx;
-    *reinterpret_cast<Real*>(out.normal[1] + p) = e.ny;
-    *reinterpret_cast<Real*>(out.normal[2] + p) = e.nz;
+    *reinterpret_cast<RealOut*>(out.overlap + p) = e.overlap;
+    *reinterpret_cast<RealOut*>(out.rate + p) = e.rate;
+    *reinterpret_cast<RealOut*>(out.speed + p) = e.speed;
+    *reinterpret_cast<RealOut*>(out.normal[0] + p) = e.nx;
+    *reinterpret_cast<RealOut*>(out.normal[1] + p) = e.ny;
+    *reinterpret_cast<RealOut*>(out.normal[2] + p) = e.nz;
+    *reinterpret_cast<IntOut*>(out.magnitude + p) = e.magnitude;
+    *reinterpret_cast<IntOut*>(out.power + p) = e.power;
+    *reinterpret_cast<IntOut*>(out.turned + p) = e.turned;
     store_rows(e.fx, e.fy, e.fz, buffer);
     for (int s = 0; s < kWidth; ++s) out.force[p + kSlotPair[s]] = buffer[s];
     if (candidates != nullptr) note_candidates(e.candidates, p, *candidates);
@@ -434,6 +442,82 @@ AdvanceReport advance(Advance what, BallRow* rows, IntVec* sums, std::size_t str
   }
 }
 
+void drift(BallRow* rows, const Path* paths, RowSpan which, double h) {
+  const double half_square = 0.5 * h * h;
+  const Int4 xyz = {-1, -1, -1, 0};
+  for (std::size_t k = 0; k < which.n; ++k) {
+    const std::uint32_t i = which.row[k];
+    Real4* row = reinterpret_cast<Real4*>(rows + i);
+    const Real4 a = (Real4)(*reinterpret_cast<const Int4*>(paths + i) & xyz);
+    const double bound = row[1][3];
+    Real4 v = (Real4)((Int4)row[1] & xyz);
+    row[0] += h * v + half_square * a;
+    v += h * a;
+    v[3] = bound;
+    row[1] = v;
+  }
+}
+
+void kick(BallRow* rows, Path* paths, IntVec* balance_in, const std::uint8_t* level, WeightedSum* sums_in,
+          std::size_t stride, int parts, RowSpan which, const KickParameters& p) {
+  const Real4 gravity = {p.gravity[0], p.gravity[1], p.gravity[2], 0.0};
+  Int4* sums = reinterpret_cast<Int4*>(sums_in);
+  Int4* balance = reinterpret_cast<Int4*>(balance_in);
+  for (std::size_t k = 0; k < which.n; ++k) {
+    const std::uint32_t i = which.row[k];
+    Int4 force = {}, impulse = {};
+    for (int part = 0; part < parts; ++part) {
+      Int4* sum = sums + 2 * (static_cast<std::size_t>(part) * stride + i);
+      force += sum[0];
+      impulse += sum[1];
+      sum[0] = Int4{};
+      sum[1] = Int4{};
+    }
+    if (level[i] > p.level) {
+      // In mid-step: the trapezoid's inner points count twice.
+      balance[i] += impulse + impulse;
+      continue;
+    }
+    Real4* row = reinterpret_cast<Real4*>(rows + i);
+    Path& path = paths[i];
+    const double inertia = p.unit * path.inverse_mass;
+    Real4 v = row[1] + __builtin_convertvector(balance[i] + impulse, Real4) * (p.half_tick * inertia);
+    const Real4 a = gravity + __builtin_convertvector(force, Real4) * inertia;
+    v[3] = (a[0] < 0 ? -a[0] : a[0]) + (a[1] < 0 ? -a[1] : a[1]) + (a[2] < 0 ? -a[2] : a[2]);
+    row[1] = v;
+    path.ax = a[0];
+    path.ay = a[1];
+    path.az = a[2];
+    *reinterpret_cast<Int4*>(&path.opening) = force;
+    // The next step's path takes the force as constant; its balance begins with what that is wrong by.
+    balance[i] = impulse - (force << (level[i] + 1));
+  }
+}
+
+AdvanceReport watch(const BallRow* rows, const StraightPath* expected, double seconds, const AdvanceParameters& p,
+                    std::size_t begin, std::size_t end) {
+  const Real4 lower = {p.lower[0], p.lower[1], p.lower[2], -__builtin_inf()};
+  const Real4 upper = {p.upper[0], p.upper[1], p.upper[2], __builtin_inf()};
+  Int4 outside = {};
+  bool unsafe = false, below = false;
+  for (std::size_t i = begin; i < end; ++i) {
+    const Real4 x = *reinterpret_cast<const Real4*>(rows + i);
+    const Real4* line = reinterpret_cast<const Real4*>(expected + i);
+    const Real4 away = x - (line[0] + seconds * line[1]);
+    const Real4 ahead = away + p.step * (*reinterpret_cast<const Real4*>(&rows[i].vx) - line[1]);
+    const double margin = line[0][3];
+    const Real4 now2 = away * away, then2 = ahead * ahead;
+    unsafe |= !(now2[0] + now2[1] + now2[2] <= margin * margin);
+    unsafe |= !(then2[0] + then2[1] + then2[2] <= margin * margin);
+    outside |= ~((x >= lower) & (x <= upper));
+    below |= x[2] < p.outlet_z;
+  }
+  AdvanceReport report;
+  report.list_unsafe = unsafe;
+  report.crossed = below || (outside[0] | outside[1] | outside[2]) != 0;
+  return report;
+}
+
 #define GC_STRING_(x) #x
 #define GC_STRING(x) GC_STRING_(x)
 #define GC_PASTE_(a, b) a##b
@@ -443,6 +527,6 @@ AdvanceReport advance(Advance what, BallRow* rows, IntVec* sums, std::size_t str
 
 extern const Kernels GC_PASTE(kernels_, GRAINCLOCK_KERNEL_SET);
 const Kernels GC_PASTE(kernels_, GRAINCLOCK_KERNEL_SET) = {
-    GC_STRING(GRAINCLOCK_KERNEL_SET), sweep, sweep_weighted, record, advance<false>, advance<true>};
+    GC_STRING(GRAINCLOCK_KERNEL_SET), sweep, sweep_weighted, record, advance<false>, advance<true>, drift, kick, watch};
 
 }  // namespace grainclock::core

@@ -44,6 +44,9 @@ struct PairRecords {
   double* speed;      // m/s, relative speed
   double* normal[3];  // unit normal from j to i
   IntVec* force;      // force units, on i
+  std::int64_t* magnitude;  // total units, as in SweepTotals
+  std::int64_t* power;
+  std::int64_t* turned;
 };
 
 /// Indices of pairs that may have changed branch within the step.
@@ -68,6 +71,29 @@ struct AdvanceReport {
 
 enum class Advance { open, close, close_and_open };
 
+/// Balls that move on their own paths (multi-rate), by row number.
+struct RowSpan {
+  const std::uint32_t* row;
+  std::size_t n;
+};
+/// What belongs to a ball between its own step ends.
+struct alignas(64) Path {
+  double ax, ay, az;      // m/s2, acceleration of its present step
+  double inverse_mass;    // 1/kg
+  IntVec opening;         // force units, the force sum that opened its step
+};
+/// Where a ball is expected: on a straight line from `x` at `v`, give or take `margin`.
+struct alignas(64) StraightPath {
+  double x, y, z, margin;  // m
+  double vx, vy, vz, unused;  // m/s
+};
+struct KickParameters {
+  double gravity[3];
+  double unit;         // N
+  double half_tick;    // s
+  int level;           // balls of this level or finer end their steps now
+};
+
 struct Kernels {
   const char* name;
   /// Adds the force of every pair to `sums[i]` (and its reaction to `sums[j]`).
@@ -85,6 +111,16 @@ struct Kernels {
   AdvanceReport (*advance_lagged)(Advance, BallRow* rows, IntVec* sums, std::size_t stride, int parts,
                                   IntVec* opening, const double* inverse_mass, const SkinReference*,
                                   const AdvanceParameters&, std::size_t begin, std::size_t end);
+  /// Moves balls along their present paths by `seconds`.
+  void (*drift)(BallRow* rows, const Path* paths, RowSpan which, double seconds);
+  /// After the forces of a tick: balls whose own step ends get their velocity and open the next step; all others
+  /// put the impulse onto their balance. Clears the sums.
+  void (*kick)(BallRow* rows, Path* paths, IntVec* balance, const std::uint8_t* level, WeightedSum* sums,
+               std::size_t stride, int parts, RowSpan which, const KickParameters&);
+  /// Rows [begin, end) against their straight paths `seconds` after these began, now and, if they go on as they do, a
+  /// step of `AdvanceParameters` later; and against the domain.
+  AdvanceReport (*watch)(const BallRow* rows, const StraightPath* expected, double seconds, const AdvanceParameters&,
+                         std::size_t begin, std::size_t end);
 };
 
 /// The best set this processor runs.

@@ -12,7 +12,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace grainclock::core {
 
@@ -25,21 +24,12 @@ class UniformStepper final : public BallStepper {
         scheme_(setup.stepping.integrator),
         events_(setup.stepping.events),
         event_book_(scale_, 0.5 * step_),
-        threads_(std::max(1, setup.threads)) {
+        threads_(std::max(1, setup.threads)),
+        advance_(advance_parameters()) {
     GC_REQUIRE(setup.stepping.dashpot == Dashpot::explicit_,
                "stepping.dashpot = \"{}\" is not offered by this version; use \"explicit\"", name(setup.stepping.dashpot));
     GC_REQUIRE(!events_ || scheme_ == Integrator::predicted,
                "stepping.events = true goes with integrator = \"predicted\", not \"{}\"; set events = false", name(scheme_));
-    const auto limit = [](const std::optional<Vec3>& value, int k, double otherwise) { return value ? (*value)[k] : otherwise; };
-    constexpr double kInfinity = std::numeric_limits<double>::infinity();
-    for (int k = 0; k < 3; ++k) {
-      advance_.gravity[k] = setup.gravity[k];
-      advance_.lower[k] = limit(setup.domain.lower, k, -kInfinity);
-      advance_.upper[k] = limit(setup.domain.upper, k, kInfinity);
-    }
-    advance_.outlet_z = setup.domain.outlet_z.value_or(-kInfinity);
-    advance_.unit = scale_.unit;
-    advance_.step = step_;
     opening_.resize(balls_.content_count());
     begin();
     costs_ = setup.costs;  // making a stepper costs nothing that a run would count
@@ -162,20 +152,16 @@ class UniformStepper final : public BallStepper {
     }
     return sum;
   }
-  Vec3 newtons(const IntVec& force) const {
-    return scale_.unit * Vec3(static_cast<double>(force.v[0]), static_cast<double>(force.v[1]), static_cast<double>(force.v[2]));
-  }
 
   /// Impulses of branch changes within the step, to both balls; positions likewise.
   void correct_events() {
     if (!events_) return;
     event_book_.clear();
-    const auto acceleration = [this](std::uint32_t row) -> Vec3 {
-      return setup_.gravity + balls_.inverse_mass[row] * newtons(opening_[row]);
-    };
+    const auto step_of = [this](std::uint32_t) { return step_; };
+    const auto acceleration = [this](std::uint32_t row) { return path_acceleration(row, opening_[row]); };
     for (const FoundCandidates& found : candidates_) {
-      event_book_.examine(balls_.rows, list_.ball_pairs().span(), found.ball, law(false, step_), {}, acceleration);
-      event_book_.examine(balls_.rows, list_.fixed_pairs().span(), found.fixed, law(true, step_), {}, acceleration);
+      event_book_.examine(balls_.rows, list_.ball_pairs().span(), found.ball, law(false, step_), step_of, acceleration);
+      event_book_.examine(balls_.rows, list_.fixed_pairs().span(), found.fixed, law(true, step_), step_of, acceleration);
     }
     if (event_book_.entries().empty()) return;
     // The closing velocity is v_p + (sum - opening) h / 2m: an impulse is one more term of it.
@@ -257,7 +243,7 @@ class UniformStepper final : public BallStepper {
   bool events_;
   EventBook event_book_;
   int threads_;
-  AdvanceParameters advance_{};
+  AdvanceParameters advance_;
   std::vector<IntVec> sums_;     // force units, one array per thread
   std::vector<IntVec> opening_;  // force units, the force that opened the step
   std::vector<FoundCandidates> candidates_;

@@ -1,0 +1,653 @@
+// Strategy *accumulate*: a contact is evaluated at the finer level of its two balls, the coarser ball taken on
+// the very path that it will take (x + t v + t2/2 a, velocity v + t a). The finer ball takes its impulse at its
+// own step end; the equal and opposite impulse waits on the coarser ball's balance and is paid at that ball's
+// own step end, with the same quadrature weights.
+//
+// Per ball, in integers (force units times half ticks): a step opens with balance = sum_c w_c F_c - W F, where w_c = 2^level
+// of contact c, W = 2^(own level + 1) and F the force sum that the path takes as constant; evaluations within the
+// step add 2 w_c F_c, the closing one w_c F_c. What the velocity gains beyond v + H a is the balance over
+// the mass: the trapezoid rule on each contact's own time grid. Both balls of a contact get the same integers, so momentum,
+// balances included, is exact to rounding of the velocities.
+#include "multirate/stepper.hpp"
+
+#include "core/ball_stepper.hpp"
+#include "core/check.hpp"
+#include "core/critical_step.hpp"
+#include "multirate/classes.hpp"
+#include "multirate/limiter.hpp"
+#include "multirate/schedule.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace grainclock::multirate {
+
+namespace {
+
+using core::BallRow;
+using core::IntVec;
+using core::PairList;
+using core::SweepTotals;
+using core::Vec3;
+
+constexpr Level kSkipped = 255;    // of a pair that cannot touch before the next renewal
+constexpr int kRenewEvery = 4;     // coarse steps between regular renewals of classes
+constexpr double kMargin = 1.2e-3; // mean diameters that a ball may stray from its straight path between renewals
+constexpr double kSoon = 2.5e-4;   // mean diameters: gaps below it count as about to close
+constexpr std::size_t kWorthThreads = 4096;  // pairs or balls
+
+/// All listed pairs of one kind, as last recorded and classified.
+struct PairBook {
+  std::vector<double> overlap, rate, speed, nx, ny, nz;
+  std::vector<IntVec> force;
+  std::vector<std::int64_t> magnitude, power, turned;
+  std::vector<Level> level;
+
+  void resize(std::size_t n) {
+    for (auto* v : {&overlap, &rate, &speed, &nx, &ny, &nz}) v->resize(n);
+    force.resize(n);
+    for (auto* v : {&magnitude, &power, &turned}) v->resize(n);
+  }
+  core::PairRecords records(std::size_t begin) {
+    return {overlap.data() + begin,
+            rate.data() + begin,
+            speed.data() + begin,
+            {nx.data() + begin, ny.data() + begin, nz.data() + begin},
+            force.data() + begin,
+            magnitude.data() + begin,
+            power.data() + begin,
+            turned.data() + begin};
+  }
+};
+
+/// Contacts of one level, contiguous.
+struct Batch {
+  PairList ball, fixed;
+};
+
+class MultirateStepper final : public core::BallStepper {
+ public:
+  MultirateStepper(const core::State& state, const core::StepperSetup& setup)
+      : BallStepper(state, setup, setup.stepping.levels),
+        ladder_(step_, setup.stepping.levels),
+        classes_(ladder_, setup.stepping.tolerance, length_scale_, setup.materials.wall.k / setup.materials.ball.k),
+        events_(setup.stepping.events),
+        event_book_(scale_, 0.5 * ladder_.tick()),
+        threads_(std::max(1, setup.threads)),
+        advance_(advance_parameters()),
+        batches_(static_cast<std::size_t>(ladder_.levels())),
+        drifting_(static_cast<std::size_t>(ladder_.levels())),
+        balls_at_(static_cast<std::size_t>(ladder_.levels())),
+        contacts_at_(static_cast<std::size_t>(ladder_.levels())) {
+    const std::uint32_t n = balls_.content_count();
+    paths_.resize(n);
+    balance_.resize(n);
+    expected_.resize(n);
+    level_.assign(n, ladder_.coarsest());
+    if (!state.level.empty() && !state.evaluated_position.empty()) {
+      std::uint32_t row = 0;
+      for (std::size_t i = 0; i < state.size(); ++i) {
+        if (state.kind[i] == core::Kind::content) level_[row++] = std::min(state.level[i], ladder_.coarsest());
+      }
+    }
+    evaluated_.assign(balls_.rows.begin(), balls_.rows.begin() + n);
+    build_list();
+    record();
+    open_from_records();
+    if (!state.evaluated_position.empty()) load_synchronised(state);
+    if (is_list_worn()) relist();
+    classify();
+    costs_ = setup.costs;
+  }
+
+  bool is_checkpointable() const override { return renewed_at_ == steps_done_; }
+
+  void advance(std::int64_t n) override {
+    for (std::int64_t k = 0; k < n; ++k) {
+      bool renewing = false;
+      const Level coarsest = ladder_.coarsest(), finest = finest_;
+      run_schedule(finest, coarsest, [&](const Action& action) {
+        const bool last = action.tick.count == ticks_of(coarsest);
+        switch (action.kind) {
+          case Action::Kind::drift:
+            if (action.level == finest) book_opened();
+            drift(action.level);
+            break;
+          case Action::Kind::evaluate:
+            if (last && action.level == finest) renewing = is_renewal_due();
+            if (last && renewing) {
+              if (action.level == finest) close_all_with_records();
+            } else {
+              evaluate(action.level);
+            }
+            break;
+          case Action::Kind::kick:
+            apply_events();
+            kick(action.level);
+            break;
+        }
+      });
+      finish_coarse_step();
+      if (renewing) renew();
+    }
+  }
+
+  core::LevelStatistics level_statistics() const override {
+    core::LevelStatistics out;
+    const double steps = static_cast<double>(std::max<std::int64_t>(1, coarse_steps_));
+    for (Level l = 0; l < ladder_.levels(); ++l) {
+      out.step.push_back(ladder_.step(l));
+      out.balls.push_back(static_cast<double>(balls_at_[l]) / steps);
+      out.contacts.push_back(static_cast<double>(contacts_at_[l]) / steps);
+    }
+    return out;
+  }
+
+ private:
+  // ---- one tick ----
+
+  void drift(Level level) {
+    const core::Kernels& kernel = core::kernels();
+    share_rows(drifting_[level], [&](core::RowSpan rows) { kernel.drift(balls_.rows.data(), paths_.data(), rows, ladder_.step(level)); });
+  }
+
+  void evaluate(Level level) {
+    const Batch& batch = batches_[level];
+    const double step = ladder_.step(level);
+    const SweepTotals ball = sweep(batch.ball, law(false, step), level), fixed = sweep(batch.fixed, law(true, step), level);
+    // Half a step closes now; the half that opens belongs to what follows, which may be after this synchronised time.
+    book(ball, fixed, 0.5 * step);
+    opened_.push_back({ball, fixed, 0.5 * step});
+  }
+
+  SweepTotals sweep(const PairList& pairs, const core::SweepLaw& law, Level level) {
+    if (pairs.count == 0) return {};
+    const core::Kernels& kernel = core::kernels();
+    costs_.contact_evaluations += pairs.count;
+    const int parts = pairs.count >= kWorthThreads ? threads_ : 1;
+    parts_ = std::max(parts_, parts);
+    std::vector<SweepTotals> totals(static_cast<std::size_t>(parts));
+    found_.resize(static_cast<std::size_t>(parts));
+    const std::size_t groups = pairs.i.size() / core::kLanes;
+#pragma omp parallel for num_threads(parts) schedule(static, 1) if (parts > 1)
+    for (int t = 0; t < parts; ++t) {
+      const std::size_t begin = groups * t / parts * core::kLanes, end = groups * (t + 1) / parts * core::kLanes;
+      const core::PairSpan span{pairs.i.data() + begin, pairs.j.data() + begin, end - begin};
+      std::vector<std::uint32_t>& found = found_[static_cast<std::size_t>(t)];
+      found.resize(events_ ? span.n + core::kLanes : 0);
+      core::Candidates candidates{found.data()};
+      kernel.sweep_weighted(balls_.rows.data(), span, law, level, sums_.data() + static_cast<std::size_t>(t) * stride(),
+                            totals[static_cast<std::size_t>(t)], events_ ? &candidates : nullptr);
+      found.resize(candidates.n);
+      for (std::uint32_t& pair : found) pair += static_cast<std::uint32_t>(begin);
+    }
+    SweepTotals sum;
+    for (const SweepTotals& part : totals) sum += part;
+    if (sum.overloaded) throw_overloaded();
+    for (const auto& found : found_) {
+      examine(pairs, found, law, [&](std::uint32_t) { return law.step; });
+    }
+    return sum;
+  }
+
+  template <class StepOf>
+  void examine(const PairList& pairs, const std::vector<std::uint32_t>& found, const core::SweepLaw& law, StepOf step_of) {
+    event_book_.examine(balls_.rows, pairs.span(), found, law, step_of,
+                        [this](std::uint32_t row) { return path_acceleration(row, paths_[row].opening); });
+  }
+
+  void apply_events() {
+    if (event_book_.entries().empty()) return;
+    for (const core::EventBook::Entry& e : event_book_.entries()) {
+      for (int k = 0; k < 3; ++k) {
+        balance_[e.i].v[k] += e.impulse[k];
+        if (e.both) balance_[e.j].v[k] -= e.impulse[k];
+      }
+    }
+    apply_position_corrections(event_book_, [this](std::uint32_t row) { return newtons(paths_[row].opening); });
+    event_book_.clear();
+  }
+
+  void kick(Level active) {
+    const core::Kernels& kernel = core::kernels();
+    core::KickParameters p{};
+    for (int k = 0; k < 3; ++k) p.gravity[k] = setup_.gravity[k];
+    p.unit = scale_.unit;
+    p.half_tick = 0.5 * ladder_.tick();
+    p.level = active;
+    for (Level l = finest_; l <= active; ++l) {
+      share_rows(drifting_[l], [&](core::RowSpan rows) {
+        kernel.kick(balls_.rows.data(), paths_.data(), balance_.data(), level_.data(), sums_.data(), stride(), parts_, rows, p);
+      });
+    }
+    parts_ = 1;
+  }
+
+  /// Calls work(RowSpan) for shares of `rows`, by threads where it pays.
+  template <class Work>
+  void share_rows(const std::vector<std::uint32_t>& rows, Work work) {
+    const int parts = rows.size() >= kWorthThreads ? threads_ : 1;
+#pragma omp parallel for num_threads(parts) schedule(static, 1) if (parts > 1)
+    for (int t = 0; t < parts; ++t) {
+      const std::size_t begin = rows.size() * t / parts, end = rows.size() * (t + 1) / parts;
+      work(core::RowSpan{rows.data() + begin, end - begin});
+    }
+  }
+
+  void finish_coarse_step() {
+    ++steps_done_;
+    ++coarse_steps_;
+    book_gravity(step_);
+    for (Level l = finest_; l < ladder_.levels(); ++l) {
+      balls_at_[l] += static_cast<std::int64_t>(level_count_[l]);
+      contacts_at_[l] += static_cast<std::int64_t>(batches_[l].ball.count + batches_[l].fixed.count);
+      costs_.ball_updates += level_count_[l] << (ladder_.coarsest() - l);
+    }
+  }
+
+  // ---- renewal of classes, at the end of a coarse step ----
+
+  /// Every few coarse steps; at once when a ball strays from the straight path that the skipped pairs rely on.
+  bool is_renewal_due() {
+    const double seconds = static_cast<double>(steps_done_ + 1 - renewed_at_) * step_;
+    const std::uint32_t n = balls_.content_count();
+    bool strayed = false, crossed = false;
+#pragma omp parallel for num_threads(threads_) schedule(static, 1) reduction(|| : strayed, crossed) if (threads_ > 1)
+    for (int t = 0; t < threads_; ++t) {
+      const auto report = core::kernels().watch(balls_.rows.data(), expected_.data(), seconds, advance_,
+                                                std::size_t{n} * t / threads_, std::size_t{n} * (t + 1) / threads_);
+      strayed = strayed || report.list_unsafe;
+      crossed = crossed || report.crossed;
+    }
+    crossed_ = crossed;
+    return strayed || crossed || (steps_done_ + 1) % kRenewEvery == 0;
+  }
+
+  /// Evaluates every listed pair at the rows' present values.
+  void record() {
+    const core::Kernels& kernel = core::kernels();
+    bool overloaded = false;
+    for (const bool fixed : {false, true}) {
+      const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
+      PairBook& book = books_[fixed];
+      book.resize(pairs.i.size());
+      std::vector<std::vector<std::uint32_t>>& found = recorded_[fixed];
+      found.resize(static_cast<std::size_t>(threads_));
+      const core::SweepLaw its = law(fixed, step_);
+      const std::size_t groups = pairs.i.size() / core::kLanes;
+      costs_.contact_evaluations += pairs.count;
+#pragma omp parallel for num_threads(threads_) schedule(static, 1) reduction(|| : overloaded) if (threads_ > 1)
+      for (int t = 0; t < threads_; ++t) {
+        const std::size_t begin = groups * t / threads_ * core::kLanes, end = groups * (t + 1) / threads_ * core::kLanes;
+        const core::PairSpan span{pairs.i.data() + begin, pairs.j.data() + begin, end - begin};
+        std::vector<std::uint32_t>& mine = found[static_cast<std::size_t>(t)];
+        mine.resize(events_ ? span.n + core::kLanes : 0);
+        core::Candidates candidates{mine.data()};
+        SweepTotals totals;
+        kernel.record(balls_.rows.data(), span, its, book.records(begin), totals, events_ ? &candidates : nullptr);
+        mine.resize(candidates.n);
+        for (std::uint32_t& pair : mine) pair += static_cast<std::uint32_t>(begin);
+        overloaded = overloaded || totals.overloaded;
+      }
+    }
+    if (overloaded) throw_overloaded();
+  }
+
+  /// Adds the recorded forces to the sums, and to the impulses with the weights of the pairs' levels.
+  void sum_records() {
+    parts_ = std::max(parts_, threads_);
+    for (const bool fixed : {false, true}) {
+      const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
+      const PairBook& book = books_[fixed];
+#pragma omp parallel for num_threads(threads_) schedule(static, 1) if (threads_ > 1)
+      for (int t = 0; t < threads_; ++t) {
+        core::WeightedSum* sums = sums_.data() + static_cast<std::size_t>(t) * stride();
+        for (std::size_t p = pairs.count * t / threads_; p < pairs.count * (t + 1) / threads_; ++p) {
+          const IntVec& f = book.force[p];
+          if (book.magnitude[p] == 0 && f.v[0] == 0 && f.v[1] == 0 && f.v[2] == 0) continue;
+          const Level level = book.level[p];
+          core::WeightedSum& i = sums[pairs.i[p]];
+          core::WeightedSum& j = sums[fixed ? balls_.far_row() : pairs.j[p]];
+          const int shift = level == kSkipped ? 0 : level;
+          const std::int64_t on = level == kSkipped ? 0 : 1;  // a missed contact pays nothing backwards
+          for (int k = 0; k < 3; ++k) {
+            i.force.v[k] += f.v[k];
+            i.impulse.v[k] += (f.v[k] * on) << shift;
+            j.force.v[k] -= f.v[k];
+            j.impulse.v[k] -= (f.v[k] * on) << shift;
+          }
+        }
+      }
+    }
+  }
+
+  /// The halves of contact steps that the last evaluations opened.
+  void book_opened() {
+    for (const Opened& half : opened_) book(half.ball, half.fixed, half.seconds);
+    opened_.clear();
+  }
+
+  struct Opened {
+    SweepTotals ball, fixed;
+    double seconds;
+  };
+  /// Half a step of every recorded contact, for the ledger.
+  Opened half_of_records() const {
+    std::int64_t magnitude = 0, power = 0, turned = 0, wall[3] = {0, 0, 0};
+    for (const bool fixed : {false, true}) {
+      const std::size_t count = (fixed ? list_.fixed_pairs() : list_.ball_pairs()).count;
+      const PairBook& book = books_[fixed];
+      for (std::size_t p = 0; p < count; ++p) {
+        const Level level = book.level[p];
+        if (level == kSkipped) continue;
+        magnitude += book.magnitude[p] << level;
+        power += book.power[p] << level;
+        turned += book.turned[p] << level;
+        if (!fixed) continue;
+        for (int k = 0; k < 3; ++k) wall[k] += book.force[p].v[k] << level;
+      }
+    }
+    SweepTotals all, at_wall;
+    all.magnitude = magnitude;
+    all.power = power;
+    all.turned = turned;
+    for (int k = 0; k < 3; ++k) at_wall.force[k] = wall[k];
+    return {all, at_wall, 0.5 * ladder_.tick()};
+  }
+
+  /// The last tick before a renewal: one evaluation of all listed pairs closes every step and feeds the classes.
+  void close_all_with_records() {
+    evaluated_.assign(balls_.rows.begin(), balls_.rows.begin() + balls_.content_count());
+    record();
+    for (const bool fixed : {false, true}) {
+      const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
+      const PairBook& book = books_[fixed];
+      for (std::size_t p = 0; p < pairs.count; ++p) {
+        if (book.level[p] == kSkipped && book.overlap[p] > 0.0) ++costs_.missed_contacts;
+      }
+      const core::SweepLaw its = law(fixed, step_);
+      for (const auto& found : recorded_[fixed]) {
+        examine(pairs, found, its, [&](std::uint32_t p) { return book.level[p] == kSkipped ? 0.0 : ladder_.step(book.level[p]); });
+      }
+    }
+    sum_records();
+    const Opened half = half_of_records();
+    book(half.ball, half.fixed, half.seconds);
+  }
+
+  void renew() {
+    if (crossed_) {
+      crossed_ = false;
+      const std::vector<std::uint8_t> leaving = find_leaving();
+      if (!leaving.empty()) {
+        // Without the balls that left the forces are evaluated anew: they open the next steps.
+        evaluated_.assign(balls_.rows.begin(), balls_.rows.begin() + balls_.content_count());
+        build_list(leaving);
+        record();
+        open_from_records();
+        classify();
+        return;
+      }
+    }
+    if (is_list_worn()) relist();
+    classify();
+  }
+
+  /// Force sums and accelerations from the records, for balls that are not in mid-step.
+  void open_from_records() {
+    for (const bool fixed : {false, true}) {
+      books_[fixed].level.assign((fixed ? list_.fixed_pairs() : list_.ball_pairs()).count, 0);
+    }
+    sum_records();
+    const auto force = [&](std::uint32_t row) {
+      IntVec sum;
+      for (int t = 0; t < threads_; ++t) {
+        const IntVec& part = sums_[static_cast<std::size_t>(t) * stride() + row].force;
+        for (int k = 0; k < 3; ++k) sum.v[k] += part.v[k];
+      }
+      return sum;
+    };
+    for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
+      core::Path& path = paths_[row];
+      path.opening = force(row);
+      path.inverse_mass = balls_.inverse_mass[row];
+      const double inertia = scale_.unit * path.inverse_mass;  // as the kernels do it
+      double* a[3] = {&path.ax, &path.ay, &path.az};
+      for (int k = 0; k < 3; ++k) *a[k] = setup_.gravity[k] + static_cast<double>(path.opening.v[k]) * inertia;
+      balls_.rows[row].a = std::abs(path.ax) + std::abs(path.ay) + std::abs(path.az);
+    }
+    std::fill(sums_.begin(), sums_.end(), core::WeightedSum{});
+    parts_ = 1;
+  }
+
+  /// Whether a ball may use up its skin before the next renewal.
+  bool is_list_worn() const {
+    const double interval = kRenewEvery * step_;
+    for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
+      const BallRow& r = balls_.rows[row];
+      const core::SkinReference& skin = list_.skins()[row];
+      const Vec3 reference(skin.x, skin.y, skin.z);
+      const double room = std::sqrt(skin.skin2) - margin(r);
+      const Vec3 now = position(r) - reference, then = now + interval * velocity(r);
+      if (!(room > 0.0 && now.squaredNorm() <= room * room && then.squaredNorm() <= room * room)) return true;
+    }
+    return false;
+  }
+
+  /// A new list around the balls as they are, with records of the last evaluation for its pairs.
+  void relist() {
+    build_list();
+    std::swap_ranges(evaluated_.begin(), evaluated_.end(), balls_.rows.begin());
+    record();
+    std::swap_ranges(evaluated_.begin(), evaluated_.end(), balls_.rows.begin());
+  }
+
+  /// How far a ball may stray from its straight path before the next renewal [m].
+  double margin(const BallRow& row) const {
+    const double interval = kRenewEvery * step_;
+    return kMargin * length_scale_ + 0.5 * interval * interval * row.a;
+  }
+
+  /// Levels of balls and contacts from the records; opens all steps at them.
+  void classify() {
+    const std::uint32_t n = balls_.content_count();
+    for (std::uint32_t row = 0; row < n; ++row) {
+      const BallRow& r = balls_.rows[row];
+      expected_[row] = {r.x, r.y, r.z, margin(r), r.vx, r.vy, r.vz, 0.0};
+    }
+    find_needs();
+    const double inertia = heaviest_inverse_mass();
+    const core::ContactLaw ball = law(false, 0.0).law, fixed = law(true, 0.0).law;
+    for (std::uint32_t row = 0; row < n; ++row) {
+      Level level = std::min(need_[row].now, std::max(level_[row], need_[row].with_hysteresis));
+      while (level > 0 && !is_stable(matrix_[row], ladder_.step(level), ball, fixed, inertia)) --level;
+      level_[row] = level;
+    }
+    const PairBook& book = books_[0];
+    limit_levels(level_, list_.ball_pairs().span(), list_.ball_pairs().count, setup_.stepping.limiter,
+                 [&](std::size_t p) { return book.level[p] != kSkipped; });
+    make_batches();
+    open_at_levels();
+    opened_ = {half_of_records()};
+    renewed_at_ = steps_done_;
+  }
+
+  double heaviest_inverse_mass() const { return largest_inverse_mass_; }
+
+  /// Needs of balls from their pairs; marks pairs that cannot touch before the next renewal.
+  void find_needs() {
+    const std::uint32_t n = balls_.content_count();
+    const double interval = kRenewEvery * step_, soon = kSoon * length_scale_;
+    largest_inverse_mass_ = *std::max_element(balls_.inverse_mass.begin(), balls_.inverse_mass.end());
+    need_.assign(n, Need{ladder_.coarsest(), ladder_.coarsest()});
+    matrix_.assign(n, ContactMatrix{});
+    for (const bool fixed : {false, true}) {
+      const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
+      PairBook& book = books_[fixed];
+      book.level.resize(pairs.count);
+      const double reach = law(fixed, 0.0).law.reach;
+      for (std::size_t p = 0; p < pairs.count; ++p) {
+        const std::uint32_t i = pairs.i[p], j = pairs.j[p];
+        const double gap = -book.overlap[p] - reach;
+        const double stray = expected_[i].margin + (fixed ? 0.0 : expected_[j].margin);
+        if (gap > book.speed[p] * interval + stray) {
+          book.level[p] = kSkipped;
+          continue;
+        }
+        book.level[p] = 0;
+        if (gap > 1.5 * std::max(book.rate[p], 0.0) * interval + soon) continue;
+        const Need need{classes_.need(book.rate[p], fixed), classes_.need(kHysteresis * book.rate[p], fixed)};
+        const double scale = (balls_.inverse_mass[i] + (fixed ? 0.0 : balls_.inverse_mass[j])) / largest_inverse_mass_ / kMatrixUnit;
+        const double x = book.nx[p], y = book.ny[p], z = book.nz[p];
+        const std::int64_t nn[6] = {
+            static_cast<std::int64_t>(scale * x * x), static_cast<std::int64_t>(scale * y * y),
+            static_cast<std::int64_t>(scale * z * z), static_cast<std::int64_t>(scale * x * y),
+            static_cast<std::int64_t>(scale * x * z), static_cast<std::int64_t>(scale * y * z)};
+        const auto add = [&](std::uint32_t row) {
+          need_[row].now = std::min(need_[row].now, need.now);
+          need_[row].with_hysteresis = std::min(need_[row].with_hysteresis, need.with_hysteresis);
+          std::int64_t* to = fixed ? matrix_[row].fixed : matrix_[row].ball;
+          for (int k = 0; k < 6; ++k) to[k] += nn[k];
+        };
+        add(i);
+        if (!fixed) add(j);
+      }
+    }
+  }
+
+  /// Sorts contacts by level and balls by the finest level at which they take part.
+  void make_batches() {
+    const std::uint32_t n = balls_.content_count();
+    drift_level_.assign(level_.begin(), level_.end());
+    for (Batch& batch : batches_) {
+      batch.ball.clear();
+      batch.fixed.clear();
+    }
+    for (const bool fixed : {false, true}) {
+      const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
+      PairBook& book = books_[fixed];
+      for (std::size_t p = 0; p < pairs.count; ++p) {
+        if (book.level[p] == kSkipped) continue;
+        const std::uint32_t i = pairs.i[p], j = pairs.j[p];
+        const Level level = fixed ? level_[i] : std::min(level_[i], level_[j]);
+        book.level[p] = level;
+        drift_level_[i] = std::min(drift_level_[i], level);
+        if (!fixed) drift_level_[j] = std::min(drift_level_[j], level);
+        (fixed ? batches_[level].fixed : batches_[level].ball).add(i, j);
+      }
+    }
+    for (Batch& batch : batches_) {
+      batch.ball.finish(balls_.far_row());
+      batch.fixed.finish(balls_.far_row());
+    }
+    for (auto& rows : drifting_) rows.clear();
+    level_count_.assign(static_cast<std::size_t>(ladder_.levels()), 0);
+    finest_ = ladder_.coarsest();
+    for (std::uint32_t row = 0; row < n; ++row) {
+      drifting_[drift_level_[row]].push_back(row);
+      ++level_count_[level_[row]];
+      finest_ = std::min(finest_, drift_level_[row]);
+    }
+  }
+
+  /// Balances of balls that all begin a step now: the stored forces at the contacts' new weights.
+  void open_at_levels() {
+    sum_records();
+    for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
+      IntVec impulse;
+      for (int t = 0; t < threads_; ++t) {
+        core::WeightedSum& sum = sums_[static_cast<std::size_t>(t) * stride() + row];
+        for (int k = 0; k < 3; ++k) impulse.v[k] += sum.impulse.v[k];
+        sum = {};
+      }
+      for (int k = 0; k < 3; ++k) balance_[row].v[k] = impulse.v[k] - (paths_[row].opening.v[k] << (level_[row] + 1));
+    }
+    parts_ = 1;
+  }
+
+  // ---- housekeeping ----
+
+  void follow_order(std::span<const std::uint32_t> order) override {
+    core::reorder_like(paths_, order);
+    core::reorder_like(balance_, order);
+    core::reorder_like(level_, order);
+    expected_.resize(order.size());
+    sums_.assign(static_cast<std::size_t>(threads_) * stride(), core::WeightedSum{});
+  }
+  std::vector<std::uint8_t> levels() const override { return level_; }
+  /// Force sums per thread: the content and the far row.
+  std::size_t stride() const { return balls_.content_count() + std::size_t{1}; }
+
+  struct Need {
+    Level now, with_hysteresis;
+  };
+
+  Ladder ladder_;
+  Classes classes_;
+  bool events_;
+  core::EventBook event_book_;
+  int threads_;
+  core::AdvanceParameters advance_;
+  std::vector<core::Path> paths_;
+  std::vector<IntVec> balance_;      // force units times half ticks
+  std::vector<Level> level_;         // of balls: their own steps
+  std::vector<Level> drift_level_;   // the finest level at which a ball takes part
+  std::vector<core::StraightPath> expected_;
+  std::vector<core::WeightedSum> sums_;  // one array per thread
+  int parts_ = 1;                        // arrays of sums_ in use since the last kick
+  std::vector<Batch> batches_;           // per level
+  std::vector<std::vector<std::uint32_t>> drifting_;  // rows per drift level
+  std::vector<std::vector<std::uint32_t>> found_;     // event candidates per thread
+  std::vector<std::vector<std::uint32_t>> recorded_[2];
+  PairBook books_[2];                    // among balls, with fixed balls
+  std::vector<Need> need_;
+  std::vector<ContactMatrix> matrix_;
+  double largest_inverse_mass_ = 0.0;
+  std::vector<Opened> opened_;
+  std::vector<std::size_t> level_count_;
+  std::vector<std::int64_t> balls_at_, contacts_at_;  // sums over coarse steps
+  std::int64_t coarse_steps_ = 0;
+  std::int64_t renewed_at_ = 0;
+  Level finest_ = 0;
+  bool crossed_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<core::Stepper> make_multirate_stepper(const core::State& state, const core::StepperSetup& setup) {
+  const core::Stepping& s = setup.stepping;
+  GC_REQUIRE(s.integrator == core::Integrator::predicted,
+             "stepping.integrator = \"{}\" does not go with method = \"multirate\"; use \"predicted\"", name(s.integrator));
+  GC_REQUIRE(s.dashpot == core::Dashpot::explicit_,
+             "stepping.dashpot = \"{}\" is not offered by this version; use \"explicit\"", name(s.dashpot));
+  GC_REQUIRE(s.interface == core::Interface::accumulate,
+             "stepping.interface = \"{}\" is not offered by this version; use \"accumulate\"", name(s.interface));
+  GC_REQUIRE(s.levels >= 1 && s.levels <= kMostLevels, "stepping.levels = {} must be 1 to {}", s.levels, int{kMostLevels});
+  GC_REQUIRE(s.limiter >= 1, "stepping.limiter = {} must be at least 1", s.limiter);
+  GC_REQUIRE(s.tolerance > 0.0, "stepping.tolerance = {} must be above 0", s.tolerance);
+  GC_REQUIRE(!setup.first_impact, "first_impact goes with method = \"uniform\"; set it in this phase");
+  return std::make_unique<MultirateStepper>(state, setup);
+}
+
+double default_step(const core::State& state, const core::StepperSetup& setup) {
+  const core::StepBounds bounds =
+      core::critical_steps(state, setup.materials, setup.outlet_open, setup.stepping.integrator);
+  if (setup.stepping.method == core::Method::uniform) return 0.7 * bounds.smallest;
+  // The coarsest step is for the bulk: what nine balls in ten of those that touch anything can take.
+  std::vector<double> finite;
+  for (const double h : bounds.per_ball) {
+    if (std::isfinite(h)) finite.push_back(h);
+  }
+  if (finite.empty()) return 0.7 * bounds.smallest;
+  const auto tenth = finite.begin() + static_cast<std::ptrdiff_t>(finite.size() / 10);
+  std::nth_element(finite.begin(), tenth, finite.end());
+  return *tenth;
+}
+
+std::unique_ptr<core::Stepper> make_stepper(const core::State& state, const core::StepperSetup& setup) {
+  if (setup.stepping.method == core::Method::uniform) return core::make_uniform_stepper(state, setup);
+  return make_multirate_stepper(state, setup);
+}
+
+}  // namespace grainclock::multirate
