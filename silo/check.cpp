@@ -23,6 +23,8 @@ using core::StepperSetup;
 /// Accumulated impulses are weakly unstable in undamped contacts; this damping ratio restores the limit.
 constexpr double kLeastDamping = 0.02;
 
+bool has_fixed(const core::State& state) { return state.count(core::Kind::content) < state.size(); }
+
 std::string terms(const StepperSetup& setup) {
   std::string text = "spring, dashpot";
   if (!setup.materials.tension) text += ", clamp (no tension)";
@@ -56,24 +58,28 @@ void add_pair(Report& report, const std::string& key, const std::string& label, 
 }
 
 void add_stability(Report& report, const core::State& state, const StepperSetup& setup, double m) {
-  const core::StepBounds bounds = critical_steps(state, setup.materials, setup.outlet_open, setup.stepping.integrator);
   const double step = *setup.stepping.step;
-  report.add("critical_step_pair", "critical step of one pair of mean balls",
-             core::critical_step_of_pair(setup.materials.ball, 2.0 / m, setup.stepping.integrator), "s");
-  report.add("critical_step_wall_pair", "critical step of one mean ball at the wall",
-             core::critical_step_of_pair(setup.materials.wall, 1.0 / m, setup.stepping.integrator), "s");
+  const core::Integrator integrator = setup.stepping.integrator;
+  const core::StepBounds bounds = critical_steps(state, setup.materials, setup.outlet_open, integrator);
+  const double pair = core::critical_step_of_pair(setup.materials.ball, 2.0 / m, integrator);
+  const double wall_pair = core::critical_step_of_pair(setup.materials.wall, 1.0 / m, integrator);
+  report.add("critical_step_pair", "critical step of two mean balls", pair, "s");
+  if (has_fixed(state)) report.add("critical_step_wall_pair", "critical step of a mean ball at the wall", wall_pair, "s");
   report.add("critical_step", "critical step of this state", bounds.smallest, "s");
   report.add("critical_step_bulk", "critical step off the wall", bounds.bulk, "s");
   report.add("critical_step_wall", "critical step at the wall", bounds.wall, "s");
   report.add("step", "coarsest step", step, "s");
-  // Multi-rate gives each ball a step that is stable for it, down to the finest level.
+  // Multi-rate gives each ball a step that is stable for it, down to the finest level. The state may still be
+  // without contacts, as before a filling: then single pairs tell.
   const bool is_uniform = setup.stepping.method == Method::uniform;
   const double finest = is_uniform ? step : std::ldexp(step, 1 - setup.stepping.levels);
-  const double ratio = finest / bounds.smallest;
+  const double critical = std::min({bounds.smallest, pair, has_fixed(state) ? wall_pair : pair});
+  const double ratio = finest / critical;
   report.add("step_ratio", is_uniform ? "dt/dt_crit" : "finest allowed step / dt_crit", ratio);
   if (ratio > 1.0)
-    report.warn(fmt::format("dt/dt_crit = {:.3g} at ball {}: beyond the stability bound; take a step of at most {:.3g} s", ratio, bounds.at,
-                            is_uniform ? bounds.smallest : std::ldexp(bounds.smallest, setup.stepping.levels - 1)));
+    report.warn(fmt::format("dt/dt_crit = {:.3g}{}: beyond the stability bound; take a step of at most {:.3g} s", ratio,
+                            critical == bounds.smallest ? fmt::format(" at ball {}", bounds.at) : "",
+                            is_uniform ? critical : std::ldexp(critical, setup.stepping.levels - 1)));
 }
 
 void add_levels(Report& report, const core::State& state, const StepperSetup& setup) {
@@ -110,13 +116,14 @@ double measured_pace(const core::State& state, const StepperSetup& setup) {
 Report phase_report(const Phase& phase, const core::State& state, const StepperSetup& setup) {
   Report report;
   const MeanBall mean = mean_ball(state, setup.materials);
+  report.add("name", "name", phase.name);
   report.add("terms", "terms on", terms(setup));
   report.add("stepping", "stepping", stepping_text(setup.stepping));
   report.add("duration", phase.until == core::Until::duration ? "duration" : "duration at most", phase.duration, "s");
   report.add("outlet", "outlet", std::string(phase.outlet_open ? "open" : "closed"));
   if (mean.mass > 0.0) {
     add_pair(report, "ball_contact", "two mean balls", setup.materials.ball, 0.5 * mean.mass, *setup.stepping.step, setup);
-    if (state.count(core::Kind::content) < state.size())
+    if (has_fixed(state))
       add_pair(report, "wall_contact", "a mean ball at the wall", setup.materials.wall, mean.mass, *setup.stepping.step, setup);
     add_stability(report, state, setup, mean.mass);
     if (setup.stepping.method == Method::multirate) add_levels(report, state, setup);
@@ -131,13 +138,14 @@ Report check_scene(const core::Scene& scene, int threads) {
   for (const core::Kind kind : {core::Kind::content, core::Kind::wall, core::Kind::plug})
     report.add(std::string(name(kind)), fmt::format("{} balls", name(kind)), static_cast<std::int64_t>(start.state.count(kind)));
   double wall_clock = 0.0;
-  for (const Phase& phase : scene.phases) {
+  for (std::size_t k = 0; k < scene.phases.size(); ++k) {
+    const Phase& phase = scene.phases[k];
     const StepperSetup setup = phase_setup(scene, phase, start.state, threads);
     Report part = phase_report(phase, start.state, setup);
     const double pace = measured_pace(start.state, setup);
     part.add("pace", "wall clock per simulated second, in the start state", pace, "s");
     wall_clock += pace * phase.duration;
-    report.add("phase " + phase.name, fmt::format("phase \"{}\", as if it began with the start state", phase.name), part);
+    report.add(fmt::format("phase_{}", k), fmt::format("phase \"{}\", as if it began with the start state", phase.name), part);
   }
   report.add("wall_clock", "wall clock of all phases (a guess from the start state)", wall_clock, "s");
   rusage usage{};

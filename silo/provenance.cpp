@@ -21,8 +21,8 @@ std::vector<std::pair<std::string, std::string>> provenance() {
           {"flags", kFlags},
           {"host", is_known ? fmt::format("{} ({} {} {})", machine.nodename, machine.sysname, machine.release, machine.machine)
                             : std::string("unknown")},
-          {"libraries", fmt::format("Eigen {}.{}.{}, HDF5 {}, fmt {}.{}.{}, toml++ {}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION,
-                                    EIGEN_MINOR_VERSION, H5_VERS_INFO, FMT_VERSION / 10000, FMT_VERSION / 100 % 100, FMT_VERSION % 100,
+          {"libraries", fmt::format("Eigen {}.{}.{}, HDF5 {}.{}.{}, fmt {}.{}.{}, toml++ {}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION,
+                                    EIGEN_MINOR_VERSION, H5_VERS_MAJOR, H5_VERS_MINOR, H5_VERS_RELEASE, FMT_VERSION / 10000, FMT_VERSION / 100 % 100, FMT_VERSION % 100,
                                     TOML_LIB_MAJOR, TOML_LIB_MINOR, TOML_LIB_PATCH)}};
 }
 

@@ -144,7 +144,7 @@ class Run {
     const Report report = phase_report(phase(), state, setup);
     const core::StepBounds bounds = critical_steps(state, setup.materials, setup.outlet_open, setup.stepping.integrator);
     critical_step_ = bounds.smallest;
-    fmt::print("\nphase {} of {}: \"{}\" from {:.6g} s\n{}", at_.phase + 1, scene_.phases.size(), phase().name, at_.phase_start,
+    fmt::print("\nphase {} of {}, from {:.6g} s\n{}", at_.phase + 1, scene_.phases.size(), at_.phase_start,
                report.text(2));
     std::fflush(stdout);
   }
