@@ -25,6 +25,8 @@ using core::Vec3;
 using tests::Scratch;
 using tests::text_of;
 
+using Words = std::vector<std::string>;
+
 struct Result {
   int code;
   std::string out, err;
@@ -33,7 +35,7 @@ struct Result {
 /// A running program; its output goes to files.
 class Process {
  public:
-  Process(const Scratch& scratch, const std::vector<std::string>& arguments) : out_(scratch / "stdout"), err_(scratch / "stderr") {
+  Process(const Scratch& scratch, const Words& arguments) : out_(scratch / "stdout"), err_(scratch / "stderr") {
     child_ = ::fork();
     if (child_ != 0) return;
     ::dup2(::open(out_.c_str(), O_CREAT | O_TRUNC | O_WRONLY, 0644), STDOUT_FILENO);
@@ -56,7 +58,7 @@ class Process {
   pid_t child_;
 };
 
-Result grainclock(const Scratch& scratch, const std::vector<std::string>& arguments) { return Process(scratch, arguments).wait(); }
+Result grainclock(const Scratch& scratch, const Words& arguments) { return Process(scratch, arguments).wait(); }
 
 /// Waits until a run has written this checkpoint; false if it ends before, or does not come to it within a minute.
 bool reaches(const fs::path& run, int checkpoint) {
@@ -83,8 +85,17 @@ State pile() {
   return state;
 }
 
-/// Makes a run so long, and checkpoints so frequent, that it can be killed between them on any machine.
-const std::vector<std::string> kLong{"--set", "stepping.step=2e-6", "--checkpoint-every", "0.02"};
+Words operator+(Words a, const Words& b) {
+  a.insert(a.end(), b.begin(), b.end());
+  return a;
+}
+
+/// So many steps (multi-rate: on several levels) that a run can be stopped amid them on any machine.
+Words many_steps(const std::string& method) {
+  if (method == "uniform") return {"--set", "stepping.method=uniform", "--set", "stepping.step=2e-6"};
+  return {"--set", "stepping.method=multirate", "--set", "stepping.step=2e-5", "--set", "stepping.tolerance=1e-6"};
+}
+const Words kManyCheckpoints{"--checkpoint-every", "0.02"};
 
 constexpr const char* kPile = R"(
 [initial]
@@ -116,11 +127,9 @@ class Program : public ::testing::Test {
     scene_ = scratch_.file("scene.toml", kPile);
     out_ = scratch_ / "out";
   }
-  Result call(const std::vector<std::string>& arguments) { return grainclock(scratch_, arguments); }
-  Result run(const std::vector<std::string>& more = {}) {
-    std::vector<std::string> arguments{"run", scene_, "--out", out_};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return call(arguments);
+  Result call(const Words& arguments) { return grainclock(scratch_, arguments); }
+  Result run(const Words& more = {}) {
+    return call(Words{"run", scene_, "--out", out_} + more);
   }
   /// Whether a Python script accepts the arguments.
   bool python(const std::string& script, const std::string& arguments) {
@@ -165,8 +174,8 @@ TEST_F(Program, EverySubCommandHasHelp) {
 }
 
 TEST_F(Program, BadUsageIsExitCode2) {
-  for (const std::vector<std::string>& arguments :
-       std::vector<std::vector<std::string>>{{}, {"fly"}, {"run"}, {"run", scene_}, {"run", scene_, "--out", out_, "--threads", "0"}, {"info"},
+  for (const Words& arguments :
+       std::vector<Words>{{}, {"fly"}, {"run"}, {"run", scene_}, {"run", scene_, "--out", out_, "--threads", "0"}, {"info"},
                                              {"export", scratch_ / "pile.h5", "--to", "png", "--output", out_}, {"check", scene_, "--fast"}}) {
     const Result result = call(arguments);
     EXPECT_EQ(result.code, 2);
@@ -191,7 +200,7 @@ TEST_F(Program, WrongScenesAreExitCode2AndLeaveNothing) {
   };
   for (const Bad& bad : cases) {
     scratch_.file("scene.toml", std::string(kPile) + bad.text);
-    for (const auto& arguments : {std::vector<std::string>{"run", scene_, "--out", out_}, std::vector<std::string>{"check", scene_}}) {
+    for (const auto& arguments : {Words{"run", scene_, "--out", out_}, Words{"check", scene_}}) {
       const Result result = call(arguments);
       EXPECT_EQ(result.code, 2) << bad.text;
       EXPECT_NE(result.err.find(bad.expected), std::string::npos) << result.err;
@@ -342,13 +351,12 @@ TEST_P(Stepped, ThreadsChangeNoResult) {
 }
 
 TEST_P(Stepped, StoppedBySignalAndResumedIsBitwiseTheSame) {
-  ASSERT_EQ(run({"--set", method()}).code, 0);
+  ASSERT_EQ(run(many_steps(GetParam())).code, 0);
   const std::string stopped = scratch_ / "stopped";
-  const std::vector<std::string> arguments{"run", scene_, "--out", stopped, "--set", method()};
   for (const int number : {SIGTERM, SIGINT}) {
     fs::remove_all(stopped);
-    const Process process(scratch_, arguments);
-    ASSERT_TRUE(reaches(stopped, 0));
+    const Process process(scratch_, Words{"run", scene_, "--out", stopped} + many_steps(GetParam()) + kManyCheckpoints);
+    ASSERT_TRUE(reaches(stopped, 4));
     process.send(number);
     const Result result = process.wait();
     ASSERT_EQ(result.code, 5) << result.err;
@@ -360,11 +368,9 @@ TEST_P(Stepped, StoppedBySignalAndResumedIsBitwiseTheSame) {
 }
 
 TEST_P(Stepped, KilledAtAnyMomentOpensUnaidedAndResumes) {
-  ASSERT_EQ(run({"--set", method(), kLong[0], kLong[1]}).code, 0);
+  ASSERT_EQ(run(many_steps(GetParam())).code, 0);
   const std::string killed = scratch_ / "killed";
-  std::vector<std::string> arguments{"run", scene_, "--out", killed, "--set", method()};
-  arguments.insert(arguments.end(), kLong.begin(), kLong.end());
-  const Process process(scratch_, arguments);
+  const Process process(scratch_, Words{"run", scene_, "--out", killed} + many_steps(GetParam()) + kManyCheckpoints);
   ASSERT_TRUE(reaches(killed, 5));
   process.send(SIGKILL);
   process.wait();
@@ -383,9 +389,7 @@ assert len(x) == len(f["particles/content/position/time"]) >= 1 and numpy.isfini
 INSTANTIATE_TEST_SUITE_P(Program, Stepped, ::testing::Values("uniform", "multirate"));
 
 TEST_F(Program, DamagedCheckpointIsPassedOver) {
-  std::vector<std::string> arguments{"run", scene_, "--out", out_};
-  arguments.insert(arguments.end(), kLong.begin(), kLong.end());
-  const Process process(scratch_, arguments);
+  const Process process(scratch_, Words{"run", scene_, "--out", out_} + many_steps("uniform") + kManyCheckpoints);
   ASSERT_TRUE(reaches(out_, 2));
   process.send(SIGKILL);
   process.wait();
@@ -395,7 +399,7 @@ TEST_F(Program, DamagedCheckpointIsPassedOver) {
   const Result result = call({"resume", out_});
   EXPECT_EQ(result.code, 0) << result.err;
   EXPECT_NE(result.out.find("passing over a damaged checkpoint"), std::string::npos);
-  ASSERT_EQ(call({"run", scene_, "--out", scratch_ / "whole", kLong[0], kLong[1]}).code, 0);
+  ASSERT_EQ(call(Words{"run", scene_, "--out", scratch_ / "whole"} + many_steps("uniform")).code, 0);
   expect_same_runs(scratch_ / "whole", out_);
 }
 
@@ -473,7 +477,7 @@ TEST_F(Program, ExportTakesTheLastFrameOrTheOneAsked) {
   ASSERT_EQ(run().code, 0);
   const RunReader reader(out_);
   for (const bool asked : {false, true}) {
-    std::vector<std::string> arguments{"export", out_ + "/run.h5", "--to", "lammps-dump", "--output", scratch_ / "a.dump"};
+    Words arguments{"export", out_ + "/run.h5", "--to", "lammps-dump", "--output", scratch_ / "a.dump"};
     if (asked) arguments.insert(arguments.end(), {"--at", "0.1"});
     ASSERT_EQ(call(arguments).code, 0);
     ASSERT_EQ(call({"import", scratch_ / "a.dump", "--output", scratch_ / "a.h5"}).code, 0);
@@ -487,7 +491,7 @@ TEST_F(Program, ExportTakesTheLastFrameOrTheOneAsked) {
 TEST_F(Program, CheckInfoAndComparePrintJson) {
   ASSERT_EQ(run().code, 0);
   const std::string json = "import json, sys; d = json.load(open(sys.argv[1])); ";
-  const auto read_by_python = [&](const std::vector<std::string>& arguments, const std::string& assertion) {
+  const auto read_by_python = [&](const Words& arguments, const std::string& assertion) {
     const Result result = call(arguments);
     EXPECT_EQ(result.code, 0) << result.err;
     return python(json + assertion, scratch_.file("report.json", result.out));
