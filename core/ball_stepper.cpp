@@ -71,7 +71,7 @@ AdvanceParameters BallStepper::advance_parameters() const {
     p.lower[k] = limit(domain.lower, k, -kInfinity);
     p.upper[k] = limit(domain.upper, k, kInfinity);
   }
-  p.outlet_z = domain.outlet_z.value_or(-kInfinity);
+  p.lower[2] = std::max(p.lower[2], domain.outlet_z.value_or(-kInfinity));
   p.unit = scale_.unit;
   p.step = step_;
   return p;

@@ -22,7 +22,7 @@ typedef std::int64_t IntOut [[gnu::vector_size(8 * kWidth), gnu::aligned(8)]];
 typedef double Real4 [[gnu::vector_size(32)]];
 typedef std::int64_t Int4 [[gnu::vector_size(32)]];
 
-constexpr int kBlock = 256;  // pairs whose forces wait in the first-level cache
+constexpr int kBlock = 128;  // pairs whose forces wait in the first-level cache
 
 #define GC_INLINE [[gnu::always_inline]] inline
 
@@ -41,6 +41,8 @@ GC_INLINE Real square_root(Real x) {
 }
 
 GC_INLINE Real magnitude(Real x) { return (Real)((Int)x & (Int{} + std::int64_t{0x7fffffffffffffff})); }
+GC_INLINE Real4 magnitude4(Real4 x) { return (Real4)((Int4)x & (Int4{} + std::int64_t{0x7fffffffffffffff})); }
+GC_INLINE double three_sum(Real4 x) { return x[0] + x[1] + x[2]; }
 GC_INLINE Real smaller(Real a, Real b) { return a < b ? a : b; }
 GC_INLINE Real larger(Real a, Real b) { return a > b ? a : b; }
 
@@ -174,19 +176,43 @@ struct Evaluated {
   unsigned candidates;
 };
 
-template <class T, bool kEvents>
-GC_INLINE Evaluated evaluate(const BallRow* rows, const std::uint32_t* i, const std::uint32_t* j, const SweepLaw& law,
-                             LaneTotals& totals) {
+/// What is left of two rows when they have been gathered: small, so that the long chain of root and
+/// division that follows runs over many pairs at once.
+struct Gathered {
+  Real x, y, z, radii;  // m
+  Real square;          // m2, distance squared
+  Real product;         // m2/s, relative position times velocity
+  Real a, v2;           // m/s2, m2/s2; only for event candidates
+};
+
+template <bool kEvents>
+GC_INLINE Gathered gather(const BallRow* rows, const std::uint32_t* i, const std::uint32_t* j) {
   const Relative d = relative(rows, i, j);
+  Gathered out;
+  out.x = d.x;
+  out.y = d.y;
+  out.z = d.z;
+  out.radii = d.radii;
+  out.square = d.x * d.x + d.y * d.y + d.z * d.z;
+  out.product = d.x * d.vx + d.y * d.vy + d.z * d.vz;
+  if constexpr (kEvents) {
+    out.a = d.a;
+    out.v2 = d.vx * d.vx + d.vy * d.vy + d.vz * d.vz;
+  }
+  return out;
+}
+
+template <class T, bool kEvents>
+GC_INLINE Evaluated evaluate(const Gathered& d, const SweepLaw& law, LaneTotals& totals) {
   const Real one = splat(1.0), zero = {};
-  const Real length = square_root(d.x * d.x + d.y * d.y + d.z * d.z);
+  const Real length = square_root(d.square);
   const Real inverse = one / length;
   Evaluated out;
   out.nx = d.x * inverse;
   out.ny = d.y * inverse;
   out.nz = d.z * inverse;
   out.overlap = d.radii - length;
-  out.rate = -(d.vx * out.nx + d.vy * out.ny + d.vz * out.nz);
+  out.rate = -d.product * inverse;
   const Real force = contact_force<T>(out.overlap, out.rate, law.law.k, law.law.c, law.law.reach);
   const Real units = force * law.per_unit;
   out.fx = __builtin_convertvector(units * out.nx, Int);
@@ -213,8 +239,7 @@ GC_INLINE Evaluated evaluate(const BallRow* rows, const std::uint32_t* i, const 
     // end, overlap and rate differ from straight lines by at most the relative acceleration:
     // |d2 overlap / dt2| <= a_i + a_j + v2 / length.
     const double h = law.step;
-    const Real v2 = d.vx * d.vx + d.vy * d.vy + d.vz * d.vz;
-    const Real bend = h * (d.a + v2 * inverse);       // of the rate [m/s]
+    const Real bend = h * (d.a + d.v2 * inverse);     // of the rate [m/s]
     const Real margin = h * bend;                     // of the overlap [m], twice what is needed
     const Real before = out.overlap - h * out.rate;
     const Real lowest = smaller(before, out.overlap) - margin;
@@ -229,7 +254,7 @@ GC_INLINE Evaluated evaluate(const BallRow* rows, const std::uint32_t* i, const 
       settled |= (lowest > zero) & (pressed | clamped);
     }
     out.candidates = lane_bits(~settled);
-    out.speed = square_root(v2);
+    out.speed = square_root(d.v2);
   }
   return out;
 }
@@ -244,8 +269,12 @@ GC_INLINE void note_candidates(unsigned bits, std::size_t first, Candidates& can
 template <class T, bool kEvents>
 GC_INLINE void sweep_block(const BallRow* rows, const PairSpan& pairs, std::size_t first, std::size_t last,
                            const SweepLaw& law, IntVec* buffer, LaneTotals& totals, Candidates* candidates) {
+  Gathered gathered[kBlock / kWidth];
+  Gathered* next = gathered;
+  for (std::size_t p = first; p < last; p += kWidth) *next++ = gather<kEvents>(rows, pairs.i + p, pairs.j + p);
+  next = gathered;
   for (std::size_t p = first; p < last; p += kWidth) {
-    const Evaluated e = evaluate<T, kEvents>(rows, pairs.i + p, pairs.j + p, law, totals);
+    const Evaluated e = evaluate<T, kEvents>(*next++, law, totals);
     store_rows(e.fx, e.fy, e.fz, buffer + (p - first));
     if constexpr (kEvents) note_candidates(e.candidates, p, *candidates);
   }
@@ -313,7 +342,7 @@ void record_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law_in, P
   LaneTotals lanes;
   alignas(64) IntVec buffer[kWidth];
   for (std::size_t p = 0; p < pairs.n; p += kWidth) {
-    const Evaluated e = evaluate<T, true>(rows, pairs.i + p, pairs.j + p, law, lanes);
+    const Evaluated e = evaluate<T, true>(gather<true>(rows, pairs.i + p, pairs.j + p), law, lanes);
     *reinterpret_cast<RealOut*>(out.overlap + p) = e.overlap;
     *reinterpret_cast<RealOut*>(out.rate + p) = e.rate;
     *reinterpret_cast<RealOut*>(out.speed + p) = e.speed;
@@ -374,14 +403,14 @@ AdvanceReport advance_rows(BallRow* rows, IntVec* sums_in, std::size_t stride, i
                            const double* inverse_mass, const SkinReference* skins, const AdvanceParameters& p,
                            std::size_t begin, std::size_t end) {
   const Real4 gravity = {p.gravity[0], p.gravity[1], p.gravity[2], 0.0};
-  const Real4 lower = {p.lower[0], p.lower[1], p.lower[2], -__builtin_inf()};
+  const Real4 lower = {p.lower[0], p.lower[1], p.lower[2], -__builtin_inf()};  // the outlet included
   const Real4 upper = {p.upper[0], p.upper[1], p.upper[2], __builtin_inf()};
   const Int4 xyz = {-1, -1, -1, 0};
   const double h = p.step, half = 0.5 * p.step, half_square = 0.5 * p.step * p.step;
   Int4* sums = reinterpret_cast<Int4*>(sums_in);
   Int4* opening = reinterpret_cast<Int4*>(opening_in);
   Int4 outside = {};
-  bool unsafe = false, below = false;
+  bool unsafe = false;
   for (std::size_t i = begin; i < end; ++i) {
     Real4* row = reinterpret_cast<Real4*>(rows + i);
     Real4 x = row[0];
@@ -403,7 +432,6 @@ AdvanceReport advance_rows(BallRow* rows, IntVec* sums_in, std::size_t stride, i
       opening[i] = force;
     }
     const Real4 a = gravity + __builtin_convertvector(force, Real4) * inertia;
-    const double size = (a[0] < 0 ? -a[0] : a[0]) + (a[1] < 0 ? -a[1] : a[1]) + (a[2] < 0 ? -a[2] : a[2]);
     if constexpr (kOpen) {
       if constexpr (kLagged) {
         v += half * a;
@@ -413,18 +441,17 @@ AdvanceReport advance_rows(BallRow* rows, IntVec* sums_in, std::size_t stride, i
         v += h * a;
       }
       const Real4 away = x - *reinterpret_cast<const Real4*>(skins + i);
-      // Not written as <=, so that a NaN is unsafe.
-      unsafe |= !(away[0] * away[0] + away[1] * away[1] + away[2] * away[2] <= skins[i].skin2);
+      // Written so that a NaN is unsafe.
+      unsafe |= !(three_sum(away * away) <= skins[i].skin2);
+      outside |= ~((x >= lower) & (x <= upper));
       row[0] = x;
     }
-    outside |= ~((x >= lower) & (x <= upper));
-    below |= x[2] < p.outlet_z;
-    v[3] = size;
+    v[3] = three_sum(magnitude4(a));
     row[1] = v;
   }
   AdvanceReport report;
   report.list_unsafe = unsafe;
-  report.crossed = below || (outside[0] | outside[1] | outside[2]) != 0;
+  report.crossed = (outside[0] | outside[1] | outside[2]) != 0;
   return report;
 }
 
@@ -483,7 +510,7 @@ void kick(BallRow* rows, Path* paths, IntVec* balance_in, const std::uint8_t* le
     const double inertia = p.unit * path.inverse_mass;
     Real4 v = row[1] + __builtin_convertvector(balance[i] + impulse, Real4) * (p.half_tick * inertia);
     const Real4 a = gravity + __builtin_convertvector(force, Real4) * inertia;
-    v[3] = (a[0] < 0 ? -a[0] : a[0]) + (a[1] < 0 ? -a[1] : a[1]) + (a[2] < 0 ? -a[2] : a[2]);
+    v[3] = three_sum(magnitude4(a));
     row[1] = v;
     path.ax = a[0];
     path.ay = a[1];
@@ -496,25 +523,23 @@ void kick(BallRow* rows, Path* paths, IntVec* balance_in, const std::uint8_t* le
 
 AdvanceReport watch(const BallRow* rows, const StraightPath* expected, double seconds, const AdvanceParameters& p,
                     std::size_t begin, std::size_t end) {
-  const Real4 lower = {p.lower[0], p.lower[1], p.lower[2], -__builtin_inf()};
+  const Real4 lower = {p.lower[0], p.lower[1], p.lower[2], -__builtin_inf()};  // the outlet included
   const Real4 upper = {p.upper[0], p.upper[1], p.upper[2], __builtin_inf()};
   Int4 outside = {};
-  bool unsafe = false, below = false;
+  bool unsafe = false;
   for (std::size_t i = begin; i < end; ++i) {
     const Real4 x = *reinterpret_cast<const Real4*>(rows + i);
     const Real4* line = reinterpret_cast<const Real4*>(expected + i);
     const Real4 away = x - (line[0] + seconds * line[1]);
     const Real4 ahead = away + p.step * (*reinterpret_cast<const Real4*>(&rows[i].vx) - line[1]);
     const double margin = line[0][3];
-    const Real4 now2 = away * away, then2 = ahead * ahead;
-    unsafe |= !(now2[0] + now2[1] + now2[2] <= margin * margin);
-    unsafe |= !(then2[0] + then2[1] + then2[2] <= margin * margin);
+    unsafe |= !(three_sum(away * away) <= margin * margin);
+    unsafe |= !(three_sum(ahead * ahead) <= margin * margin);
     outside |= ~((x >= lower) & (x <= upper));
-    below |= x[2] < p.outlet_z;
   }
   AdvanceReport report;
   report.list_unsafe = unsafe;
-  report.crossed = below || (outside[0] | outside[1] | outside[2]) != 0;
+  report.crossed = (outside[0] | outside[1] | outside[2]) != 0;
   return report;
 }
 

@@ -60,8 +60,7 @@ struct AdvanceParameters {
   double gravity[3];
   double unit = 0.0;   // N
   double step = 0.0;   // s
-  double outlet_z;     // m, content below it is reported; -infinity: never
-  double lower[3], upper[3];  // m, content outside is reported
+  double lower[3], upper[3];  // m, content outside is reported; the outlet is the lower end in z
 };
 /// What an advance saw.
 struct AdvanceReport {

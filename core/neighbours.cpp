@@ -128,16 +128,17 @@ std::vector<std::uint32_t> NeighbourList::build(Balls& balls, const std::vector<
   const double edge = 2.0 * balls.largest_radius + reach_ + 2.0 * common_skin;
   const CubeGrid grid(low, high, edge, kept.size());
 
-  {  // sort the content by cube
-    const CubeMembers sorted(grid.cube_count(), kept.size(), [&](std::size_t p) {
-      const Vec3 x = shifted(balls.rows[kept[p]]);
-      return grid.index(x.x(), x.y(), x.z());
-    });
+  const CubeMembers sorted(grid.cube_count(), kept.size(), [&](std::size_t p) {
+    const Vec3 x = shifted(balls.rows[kept[p]]);
+    return grid.index(x.x(), x.y(), x.z());
+  });
+  {
     std::vector<std::uint32_t> order(kept.size());
     for (std::size_t p = 0; p < kept.size(); ++p) order[p] = kept[sorted.member[p]];
     kept.swap(order);
   }
   balls.reorder(kept);
+  const std::vector<std::uint32_t>& cube_start = sorted.start;  // of the sorted rows
 
   const std::uint32_t n = balls.content_count();
   skins_.resize(n);
@@ -149,8 +150,6 @@ std::vector<std::uint32_t> NeighbourList::build(Balls& balls, const std::vector<
     skins_[i] = {x.x(), x.y(), x.z(), skin[i] * skin[i]};
     if (!(skin[i] <= common_skin)) wide.push_back(i);
   }
-  const CubeMembers members(grid.cube_count(), n,
-                            [&](std::size_t i) { return grid.index(skins_[i].x, skins_[i].y, skins_[i].z); });
   // Fixed balls outside the grid by more than a cube edge are clamped into its rim: harmless, only tested in vain.
   const std::uint32_t fixed = balls.fixed_count();
   const CubeMembers fixed_members(grid.cube_count(), fixed, [&](std::size_t f) {
@@ -187,10 +186,10 @@ std::vector<std::uint32_t> NeighbourList::build(Balls& balls, const std::vector<
       };
       const double range = balls.rows[i].r + balls.largest_radius + reach_ + skin[i] + common_skin;
       cubes(range, [&](std::size_t first, std::size_t last) {
-        for (std::uint32_t m = members.start[first]; m < members.start[last]; ++m) {
-          const std::uint32_t j = members.member[m];
-          if (is_wide(j)) continue;                 // wide partners below
-          if (!is_wide(i) && j <= i) continue;      // each pair once
+        // Rows are sorted by cube: a run of cubes is a run of rows. Each pair once: from the wide ball, else from the lower row.
+        const std::uint32_t from = is_wide(i) ? cube_start[first] : std::max(cube_start[first], i + 1);
+        for (std::uint32_t j = from; j < cube_start[last]; ++j) {
+          if (is_wide(j)) continue;  // wide partners below
           const SkinReference& other = skins_[j];
           if (within(i, other.x, other.y, other.z, balls.rows[j].r, skin[j])) out.balls.add(std::min(i, j), std::max(i, j));
         }

@@ -21,7 +21,7 @@ struct PairList {
 
 /// How far ahead a list looks. Never changes results, only how often a list is made.
 struct SkinRule {
-  double floor = 0.008;     // m, skin of a ball at rest; the default is for balls of 0.44 m
+  double floor = 0.005;     // m, skin of a ball at rest; the default is for balls of 0.44 m
   double lifetime = 0.012;  // s, for which a moving ball's skin should last
   /// A default in proportion to the balls.
   static SkinRule for_diameter(double mean_diameter);
