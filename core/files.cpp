@@ -14,7 +14,7 @@ namespace grainclock::core {
 
 AsideFile::AsideFile(std::filesystem::path final_path) : final_path_(std::move(final_path)) {
   part_ = final_path_;
-  part_.replace_filename("." + final_path_.filename().string() + ".part");
+  part_.replace_filename(fmt::format(".{}.part", final_path_.filename().string()));
 }
 
 AsideFile::~AsideFile() {
