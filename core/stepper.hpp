@@ -29,11 +29,12 @@ struct Costs {
   std::uint64_t missed_contacts = 0;      // pairs that touched while skipped
 };
 
-/// Counts per level, averaged over the run; level 0 is the finest.
+/// Counts per level, averaged over the run (before its first step: as classified); level 0 is the finest.
 struct LevelStatistics {
   std::vector<double> step;       // s
   std::vector<double> balls;      // mean number of balls stepped at this level
   std::vector<double> contacts;   // mean number of contacts evaluated at this level
+  double listed = 0.0;            // pairs in the list now: what a uniform step evaluates
 };
 
 /// A content system between synchronised times. All calls see and leave a synchronised state.

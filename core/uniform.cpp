@@ -68,7 +68,8 @@ class UniformStepper final : public BallStepper {
   }
 
   LevelStatistics level_statistics() const override {
-    return {{step_}, {static_cast<double>(balls_.content_count())}, {static_cast<double>(listed_pairs())}};
+    const auto pairs = static_cast<double>(listed_pairs());
+    return {{step_}, {static_cast<double>(balls_.content_count())}, {pairs}, pairs};
   }
 
  private:

@@ -32,7 +32,6 @@ using core::SweepTotals;
 using core::Vec3;
 
 constexpr Level kSkipped = 255;    // of a pair that cannot touch before the next renewal
-constexpr int kRenewEvery = 4;     // coarse steps between regular renewals of classes
 constexpr double kMargin = 1.2e-3; // mean diameters that a ball may stray from its straight path between renewals
 constexpr double kSoon = 2.5e-4;   // mean diameters: gaps below it count as about to close
 constexpr std::size_t kWorthThreads = 4096;  // pairs or balls
@@ -135,11 +134,14 @@ class MultirateStepper final : public core::BallStepper {
 
   core::LevelStatistics level_statistics() const override {
     core::LevelStatistics out;
-    const double steps = static_cast<double>(std::max<std::int64_t>(1, coarse_steps_));
+    out.listed = static_cast<double>(list_.ball_pairs().count + list_.fixed_pairs().count);
     for (Level l = 0; l < ladder_.levels(); ++l) {
+      const auto mean = [this](std::int64_t sum, std::size_t now) {
+        return coarse_steps_ > 0 ? static_cast<double>(sum) / static_cast<double>(coarse_steps_) : static_cast<double>(now);
+      };
       out.step.push_back(ladder_.step(l));
-      out.balls.push_back(static_cast<double>(balls_at_[l]) / steps);
-      out.contacts.push_back(static_cast<double>(contacts_at_[l]) / steps);
+      out.balls.push_back(mean(balls_at_[l], level_count_[l]));
+      out.contacts.push_back(mean(contacts_at_[l], batches_[l].ball.count + batches_[l].fixed.count));
     }
     return out;
   }
