@@ -459,11 +459,10 @@ class MultirateStepper final : public core::BallStepper {
       expected_[row] = {r.x, r.y, r.z, margin(r), r.vx, r.vy, r.vz, 0.0};
     }
     find_needs();
-    const double inertia = heaviest_inverse_mass();
     const core::ContactLaw ball = law(false, 0.0).law, fixed = law(true, 0.0).law;
     for (std::uint32_t row = 0; row < n; ++row) {
       Level level = std::min(need_[row].now, std::max(level_[row], need_[row].with_hysteresis));
-      while (level > 0 && !is_stable(matrix_[row], ladder_.step(level), ball, fixed, inertia)) --level;
+      while (level > 0 && !is_stable(matrix_[row], ladder_.step(level), ball, fixed, largest_inverse_mass_)) --level;
       level_[row] = level;
     }
     const PairBook& book = books_[0];
@@ -475,13 +474,12 @@ class MultirateStepper final : public core::BallStepper {
     renewed_at_ = steps_done_;
   }
 
-  double heaviest_inverse_mass() const { return largest_inverse_mass_; }
-
   /// Needs of balls from their pairs; marks pairs that cannot touch before the next renewal.
   void find_needs() {
     const std::uint32_t n = balls_.content_count();
     const double interval = kRenewEvery * step_, soon = kSoon * length_scale_;
-    largest_inverse_mass_ = *std::max_element(balls_.inverse_mass.begin(), balls_.inverse_mass.end());
+    largest_inverse_mass_ = 0.0;
+    for (const double inverse : balls_.inverse_mass) largest_inverse_mass_ = std::max(largest_inverse_mass_, inverse);
     need_.assign(n, Need{ladder_.coarsest(), ladder_.coarsest()});
     matrix_.assign(n, ContactMatrix{});
     for (const bool fixed : {false, true}) {
