@@ -1,5 +1,6 @@
 #include "silo/check.hpp"
 
+#include "core/check.hpp"
 #include "core/critical_step.hpp"
 #include "multirate/cost_model.hpp"
 #include "multirate/stepper.hpp"
@@ -142,9 +143,13 @@ Report check_scene(const core::Scene& scene, int threads) {
     const Phase& phase = scene.phases[k];
     const StepperSetup setup = phase_setup(scene, phase, start.state, threads);
     Report part = phase_report(phase, start.state, setup);
-    const double pace = measured_pace(start.state, setup);
-    part.add("pace", "wall clock per simulated second, in the start state", pace, "s");
-    wall_clock += pace * phase.duration;
+    try {
+      const double pace = measured_pace(start.state, setup);
+      part.add("pace", "wall clock per simulated second, in the start state", pace, "s");
+      wall_clock += pace * phase.duration;
+    } catch (const core::NumericsError& error) {
+      part.warn(fmt::format("the numerics fail within the first steps: {}", error.what()));
+    }
     report.add(fmt::format("phase_{}", k), fmt::format("phase \"{}\", as if it began with the start state", phase.name), part);
   }
   report.add("wall_clock", "wall clock of all phases (a guess from the start state)", wall_clock, "s");

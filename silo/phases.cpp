@@ -1,9 +1,13 @@
 #include "silo/phases.hpp"
 
 #include "core/check.hpp"
+#include "core/critical_step.hpp"
 #include "core/snapshot.hpp"
 #include "multirate/stepper.hpp"
 #include "silo/filling.hpp"
+
+#include <algorithm>
+#include <cmath>
 
 namespace grainclock::silo {
 
@@ -45,7 +49,13 @@ StepperSetup phase_setup(const Scene& scene, const Phase& phase, const State& st
   setup.outlet_open = phase.outlet_open;
   setup.first_impact = phase.first_impact;
   setup.threads = threads;
-  const double wanted = phase.stepping.step ? *phase.stepping.step : multirate::default_step(state, setup);
+  double wanted = phase.stepping.step ? *phase.stepping.step : multirate::default_step(state, setup);
+  const double mass = mean_ball(state, setup.materials).mass;
+  if (!std::isfinite(wanted) && mass > 0.0) {  // no contacts yet, as before a filling: the stiffest contact to come tells
+    constexpr double kSafety = 0.7;
+    wanted = kSafety * std::min(core::critical_step_of_pair(setup.materials.ball, 2.0 / mass, phase.stepping.integrator),
+                                core::critical_step_of_pair(setup.materials.wall, 1.0 / mass, phase.stepping.integrator));
+  }
   setup.stepping.step = core::step_for(phase.every, wanted).step;
   return setup;
 }

@@ -1,6 +1,7 @@
 #include "silo/phases.hpp"
 
 #include "core/check.hpp"
+#include "core/critical_step.hpp"
 #include "silo/checkpoint.hpp"
 #include "tests/support/scratch.hpp"
 
@@ -69,6 +70,21 @@ TEST_F(PhaseEnd, StoppageThatStillMovesIsNoArch) {
 
 TEST_F(PhaseEnd, DurationIsNotCutShort) {
   for (std::int64_t k = 1; k < 2000; ++k) ASSERT_FALSE(check(k, 0, 0.0)) << k;
+}
+
+TEST(PhaseSetup, StepWithoutContactsIsThatOfTheStiffestContactToCome) {
+  core::Scene scene;
+  Phase phase;
+  phase.every = 0.1;
+  core::State state;
+  state.add(0, core::Kind::wall, core::Vec3(0, 0, 0), core::Vec3::Zero(), 0.2);
+  EXPECT_EQ(phase_setup(scene, phase, state, 1).stepping.step, 0.1);  // no content: nothing bounds it
+  state.add(1, core::Kind::content, core::Vec3(0, 0, 5), core::Vec3::Zero(), 0.22);
+  const double bound = core::critical_step_of_pair(phase.materials.wall, 1.0 / phase.materials.mass(0.22), phase.stepping.integrator);
+  EXPECT_LT(*phase_setup(scene, phase, state, 1).stepping.step, 0.71 * bound);
+  EXPECT_GT(*phase_setup(scene, phase, state, 1).stepping.step, 0.69 * bound);
+  phase.stepping.step = 0.03;
+  EXPECT_EQ(phase_setup(scene, phase, state, 1).stepping.step, 0.025);  // every over a whole number
 }
 
 Checkpoint some_checkpoint() {
