@@ -50,9 +50,9 @@ StepperSetup phase_setup(const Scene& scene, const Phase& phase, const State& st
   setup.first_impact = phase.first_impact;
   setup.threads = threads;
   double wanted = phase.stepping.step ? *phase.stepping.step : multirate::default_step(state, setup);
-  const double mass = mean_ball(state, setup.materials).mass;
-  if (!std::isfinite(wanted) && mass > 0.0) {  // no contacts yet, as before a filling: the stiffest contact to come tells
+  if (!std::isfinite(wanted)) {  // no contacts yet, as before a filling: the stiffest contact to come tells
     constexpr double kSafety = 0.7;
+    const double mass = mean_ball(state, setup.materials).mass;
     wanted = kSafety * std::min(core::critical_step_of_pair(setup.materials.ball, 2.0 / mass, phase.stepping.integrator),
                                 core::critical_step_of_pair(setup.materials.wall, 1.0 / mass, phase.stepping.integrator));
   }

@@ -111,7 +111,7 @@ class Run {
     try {
       while (true) {
         run_phase();
-        if (at_.phase + 1 == static_cast<std::int64_t>(scene_.phases.size())) break;
+        if (at_.phase + 1 == static_cast<std::int64_t>(scene_.phases.size()) || is_empty()) break;
         next_phase();
       }
       finish();
@@ -147,6 +147,13 @@ class Run {
     fmt::print("\nphase {} of {}, from {:.6g} s\n{}", at_.phase + 1, scene_.phases.size(), at_.phase_start,
                report.text(2));
     std::fflush(stdout);
+  }
+
+  /// Whether no ball is left for another phase; says so.
+  bool is_empty() const {
+    if (stepper_->state().count(core::Kind::content) > 0) return false;
+    fmt::print("no ball is left: the phases after \"{}\" have nothing to move\n", phase().name);
+    return true;
   }
 
   void next_phase() {

@@ -339,6 +339,31 @@ outlet = "open"
   EXPECT_LT(reader.times()[1], 5.0);
 }
 
+TEST_F(Program, RunEndsInOrderWhenNoBallIsLeftForTheNextPhase) {
+  scratch_.file("one.csv", "id,kind,x,y,z,vx,vy,vz,radius\n0,content,0,0,1,0,0,0,0.2\n");
+  scratch_.file("scene.toml", R"(
+[initial]
+state = "one.csv"
+[domain]
+outlet_z = 0.0
+[[phase]]
+until = "empty"
+max_duration = 5.0
+outlet = "open"
+[[phase]]
+duration = 1.0
+)");
+  const Result result = run();
+  EXPECT_EQ(result.code, 0) << result.err;
+  EXPECT_NE(result.out.find("no ball is left"), std::string::npos) << result.out;
+  const RunReader reader(out_);
+  EXPECT_EQ(reader.frames(), 2);
+  // A fall of 1 m takes sqrt(2/9.81) s = 0.4515 s; the end is looked for each 0.01 s, and a step is shorter than that.
+  EXPECT_GE(reader.times().back(), 0.4515);
+  EXPECT_LE(reader.times().back(), 0.4515 + 0.02);
+  EXPECT_EQ(call({"resume", out_}).code, 0);
+}
+
 class Stepped : public Program, public ::testing::WithParamInterface<const char*> {
  protected:
   std::string method() const { return fmt::format("stepping.method='{}'", GetParam()); }
