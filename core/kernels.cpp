@@ -359,6 +359,43 @@ void record_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law_in, P
   lanes.add_to(totals);
 }
 
+void sum_recorded(PairSpan pairs, const IntVec* force_in, const std::uint8_t* shift, bool both, WeightedSum* sums,
+                  std::size_t begin, std::size_t end) {
+  const Int4* force = reinterpret_cast<const Int4*>(force_in);
+  Int4* ball = reinterpret_cast<Int4*>(sums);
+  for (std::size_t p = begin; p < end; ++p) {
+    const Int4 f = force[p];
+    const Int4 impulse = shift[p] == kNoWeight ? Int4{} : f << shift[p];
+    Int4* i = ball + 2 * std::size_t{pairs.i[p]};
+    i[0] += f;
+    i[1] += impulse;
+    if (both) {
+      Int4* j = ball + 2 * std::size_t{pairs.j[p]};
+      j[0] -= f;
+      j[1] -= impulse;
+    }
+  }
+}
+
+void total_recorded(const PairRecords& book, const std::uint8_t* shift, bool with_force, SweepTotals& totals,
+                    std::size_t begin, std::size_t end) {
+  std::int64_t magnitude_sum = 0, power = 0, turned = 0;
+  for (std::size_t p = begin; p < end; ++p) {
+    const std::int64_t weight = shift[p] == kNoWeight ? 0 : std::int64_t{1} << (shift[p] & 63);
+    magnitude_sum += book.magnitude[p] * weight;
+    power += book.power[p] * weight;
+    turned += book.turned[p] * weight;
+  }
+  totals.magnitude += magnitude_sum;
+  totals.power += power;
+  totals.turned += turned;
+  if (!with_force) return;
+  const Int4* force = reinterpret_cast<const Int4*>(book.force);
+  Int4 sum = {};
+  for (std::size_t p = begin; p < end; ++p) sum += shift[p] == kNoWeight ? Int4{} : force[p] << shift[p];
+  for (int k = 0; k < 3; ++k) totals.force[k] += sum[k];
+}
+
 /// Calls `call` with the terms that the law has on.
 template <class Call>
 GC_INLINE void with_terms(const ContactLaw& law, Call call) {
@@ -552,6 +589,6 @@ AdvanceReport watch(const BallRow* rows, const StraightPath* expected, double se
 
 extern const Kernels GC_PASTE(kernels_, GRAINCLOCK_KERNEL_SET);
 const Kernels GC_PASTE(kernels_, GRAINCLOCK_KERNEL_SET) = {
-    GC_STRING(GRAINCLOCK_KERNEL_SET), sweep, sweep_weighted, record, advance<false>, advance<true>, drift, kick, watch};
+    GC_STRING(GRAINCLOCK_KERNEL_SET), sweep, sweep_weighted, record, sum_recorded, total_recorded, advance<false>, advance<true>, drift, kick, watch};
 
 }  // namespace grainclock::core

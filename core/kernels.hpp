@@ -49,6 +49,9 @@ struct PairRecords {
   std::int64_t* turned;
 };
 
+/// Exponent of a recorded pair that has no weight: it adds to force sums only.
+constexpr std::uint8_t kNoWeight = 255;
+
 /// Indices of pairs that may have changed branch within the step.
 struct Candidates {
   std::uint32_t* pair;  // room for n + kLanes entries
@@ -102,6 +105,12 @@ struct Kernels {
                          SweepTotals&, Candidates*);
   /// Evaluates pairs without summing.
   void (*record)(const BallRow* rows, PairSpan pairs, const SweepLaw&, PairRecords, SweepTotals&, Candidates*);
+  /// Adds recorded forces of pairs [begin, end) to the sums, and 2^shift times them to the impulses.
+  void (*sum_recorded)(PairSpan pairs, const IntVec* force, const std::uint8_t* shift, bool both, WeightedSum* sums,
+                       std::size_t begin, std::size_t end);
+  /// Adds 2^shift times the recorded totals of pairs [begin, end); their forces only if `with_force`.
+  void (*total_recorded)(const PairRecords&, const std::uint8_t* shift, bool with_force, SweepTotals&,
+                         std::size_t begin, std::size_t end);
   /// Predicted scheme, for rows [begin, end). `sums` are `parts` arrays, `stride` apart, cleared after use.
   AdvanceReport (*advance_predicted)(Advance, BallRow* rows, IntVec* sums, std::size_t stride, int parts,
                                      IntVec* opening, const double* inverse_mass, const SkinReference*,

@@ -60,6 +60,11 @@ struct CubeMembers {
   }
 };
 
+/// A ball's reference and how far around it a partner matters: radius, skin and (once too often, harmless) reach [m].
+struct Sphere {
+  double x, y, z, reach;
+};
+
 /// Balls with an uncommonly wide skin: they are paired with each other by brute force.
 constexpr std::size_t kMostWide = 200;
 
@@ -142,13 +147,17 @@ std::vector<std::uint32_t> NeighbourList::build(Balls& balls, const std::vector<
 
   const std::uint32_t n = balls.content_count();
   skins_.resize(n);
-  std::vector<double> skin(n);
+  std::vector<Sphere> sphere(n);
+  std::vector<std::uint8_t> is_wide(n, 0);
   std::vector<std::uint32_t> wide;  // rows with more than the common skin
   for (std::uint32_t i = 0; i < n; ++i) {
     const Vec3 x = shifted(balls.rows[i]);
-    skin[i] = skin_of(balls.rows[i]);
-    skins_[i] = {x.x(), x.y(), x.z(), skin[i] * skin[i]};
-    if (!(skin[i] <= common_skin)) wide.push_back(i);
+    const double skin = skin_of(balls.rows[i]);
+    skins_[i] = {x.x(), x.y(), x.z(), skin * skin};
+    sphere[i] = {x.x(), x.y(), x.z(), balls.rows[i].r + skin + reach_};
+    if (skin <= common_skin) continue;
+    is_wide[i] = 1;
+    wide.push_back(i);
   }
   // Fixed balls outside the grid by more than a cube edge are clamped into its rim: harmless, only tested in vain.
   const std::uint32_t fixed = balls.fixed_count();
@@ -157,12 +166,10 @@ std::vector<std::uint32_t> NeighbourList::build(Balls& balls, const std::vector<
     return grid.index(row.x, row.y, row.z);
   });
 
-  const auto within = [&](std::uint32_t i, double x, double y, double z, double r, double its_skin) {
-    const double dx = skins_[i].x - x, dy = skins_[i].y - y, dz = skins_[i].z - z;
-    const double range = balls.rows[i].r + r + reach_ + skin[i] + its_skin;
-    return !(dx * dx + dy * dy + dz * dz > range * range);  // a NaN is listed and found by the sweep
+  const auto is_within = [](const Sphere& a, const Sphere& b) {
+    const double dx = a.x - b.x, dy = a.y - b.y, dz = a.z - b.z, range = a.reach + b.reach;
+    return dx * dx + dy * dy + dz * dz <= range * range;
   };
-  const auto is_wide = [&](std::uint32_t i) { return !(skin[i] <= common_skin); };
 
   struct Part {
     PairList balls, fixed;
@@ -174,7 +181,7 @@ std::vector<std::uint32_t> NeighbourList::build(Balls& balls, const std::vector<
     const std::uint32_t begin = static_cast<std::uint32_t>(std::uint64_t{n} * part / threads_);
     const std::uint32_t end = static_cast<std::uint32_t>(std::uint64_t{n} * (part + 1) / threads_);
     for (std::uint32_t i = begin; i < end; ++i) {
-      const SkinReference& at = skins_[i];
+      const Sphere& at = sphere[i];
       // Along x the cubes of a row are one run of members.
       const auto cubes = [&](double margin, auto visit) {
         const std::int32_t x0 = grid.coordinate(at.x - margin, 0), x1 = grid.coordinate(at.x + margin, 0);
@@ -184,26 +191,22 @@ std::vector<std::uint32_t> NeighbourList::build(Balls& balls, const std::vector<
           for (std::int32_t y = y0; y <= y1; ++y) visit(grid.index(x0, y, z), grid.index(x1, y, z) + 1);
         }
       };
-      const double range = balls.rows[i].r + balls.largest_radius + reach_ + skin[i] + common_skin;
+      const double range = at.reach + balls.largest_radius + common_skin;
       cubes(range, [&](std::size_t first, std::size_t last) {
         // Rows are sorted by cube: a run of cubes is a run of rows. Each pair once: from the wide ball, else from the lower row.
-        const std::uint32_t from = is_wide(i) ? cube_start[first] : std::max(cube_start[first], i + 1);
+        const std::uint32_t from = is_wide[i] ? cube_start[first] : std::max(cube_start[first], i + 1);
         for (std::uint32_t j = from; j < cube_start[last]; ++j) {
-          if (is_wide(j)) continue;  // wide partners below
-          const SkinReference& other = skins_[j];
-          if (within(i, other.x, other.y, other.z, balls.rows[j].r, skin[j])) out.balls.add(std::min(i, j), std::max(i, j));
+          if (is_within(at, sphere[j]) && !is_wide[j]) out.balls.add(std::min(i, j), std::max(i, j));
         }
         for (std::uint32_t m = fixed_members.start[first]; m < fixed_members.start[last]; ++m) {
           const std::uint32_t row = balls.first_fixed_row() + fixed_members.member[m];
           const BallRow& other = balls.rows[row];
-          if (within(i, other.x, other.y, other.z, other.r, 0.0)) out.fixed.add(i, row);
+          if (is_within(at, {other.x, other.y, other.z, other.r})) out.fixed.add(i, row);
         }
       });
-      if (is_wide(i)) {
+      if (is_wide[i]) {
         for (const std::uint32_t j : wide) {
-          if (j <= i) continue;
-          const SkinReference& other = skins_[j];
-          if (within(i, other.x, other.y, other.z, balls.rows[j].r, skin[j])) out.balls.add(i, j);
+          if (j > i && is_within(at, sphere[j])) out.balls.add(i, j);
         }
       }
     }

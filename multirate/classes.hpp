@@ -23,12 +23,12 @@ class Classes {
         length_(kApproachPerTolerance * tolerance * diameter),
         fixed_weight_(std::sqrt(std::max(1.0, stiffness_ratio))) {}
 
-  /// The coarsest level with approach * step(level) <= length: half-open geometric classes of approach speed.
-  /// Stiffer contacts live shorter by the square root of the stiffness ratio and count as that much faster.
-  Level need(double approach, bool fixed) const {
-    const double v = std::abs(approach) * (fixed ? fixed_weight_ : 1.0);
-    return v > 0.0 ? ladder_.level_of(length_ / v) : ladder_.coarsest();
-  }
+  /// What the approach speed of a pair counts [m/s]: stiffer contacts live shorter by the square root of the stiffness
+  /// ratio and count as that much faster.
+  double weighted(double approach, bool fixed) const { return std::abs(approach) * (fixed ? fixed_weight_ : 1.0); }
+
+  /// The coarsest level with speed * step(level) <= length: half-open geometric classes of approach speed.
+  Level need(double speed) const { return speed > 0.0 ? ladder_.level_of(length_ / speed) : ladder_.coarsest(); }
 
  private:
   Ladder ladder_;
@@ -36,13 +36,25 @@ class Classes {
   double fixed_weight_;
 };
 
-/// Sum over a ball's contacts of (1/m_i + 1/m_j) n n^T in exact integers (relative to the lightest ball), for contacts among
-/// balls and with fixed balls apart. Entries xx, yy, zz, xy, xz, yz.
-struct ContactMatrix {
-  std::int64_t ball[6] = {0, 0, 0, 0, 0, 0};
-  std::int64_t fixed[6] = {0, 0, 0, 0, 0, 0};
+/// A sum of scaled n n^T in integers, so that its order does not matter: xx, yy, zz, xy, xz, yz.
+struct alignas(32) NormalMatrix {
+  std::int32_t entry[8] = {0, 0, 0, 0, 0, 0, 0, 0};
+
+  static NormalMatrix of(double x, double y, double z, double scale) {
+    const auto whole = [scale](double a) { return static_cast<std::int32_t>(scale * a); };
+    return {{whole(x * x), whole(y * y), whole(z * z), whole(x * y), whole(x * z), whole(y * z), 0, 0}};
+  }
+  NormalMatrix& operator+=(const NormalMatrix& other) {
+    for (int k = 0; k < 8; ++k) entry[k] += other.entry[k];
+    return *this;
+  }
 };
-constexpr double kMatrixUnit = 1.0 / (1LL << 40);
+/// Sum over a ball's contacts of (1/m_i + 1/m_j) n n^T, relative to the largest 1/m, for contacts among balls and with
+/// fixed balls apart. 31 bits hold 128 contacts.
+struct ContactMatrix {
+  NormalMatrix ball, fixed;
+};
+constexpr double kMatrixUnit = 1.0 / (1 << 22);
 
 /// Whether a step h [s] keeps every eigenvalue of sum (h2 k + 4 h c)(1/m_i + 1/m_j) n n^T below 4 (the predicted
 /// scheme's bound, core/critical_step.hpp), by the signs of the leading minors of 4 - M.

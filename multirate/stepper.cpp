@@ -18,6 +18,7 @@
 #include "multirate/schedule.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -31,7 +32,7 @@ using core::PairList;
 using core::SweepTotals;
 using core::Vec3;
 
-constexpr Level kSkipped = 255;    // of a pair that cannot touch before the next renewal
+constexpr Level kSkipped = core::kNoWeight;  // of a pair that cannot touch before the next renewal
 constexpr double kMargin = 1.2e-3; // mean diameters that a ball may stray from its straight path between renewals
 constexpr double kSoon = 2.5e-4;   // mean diameters: gaps below it count as about to close
 constexpr std::size_t kWorthThreads = 4096;  // pairs or balls
@@ -304,22 +305,10 @@ class MultirateStepper final : public core::BallStepper {
       const PairBook& book = books_[fixed];
 #pragma omp parallel for num_threads(threads_) schedule(static, 1) if (threads_ > 1)
       for (int t = 0; t < threads_; ++t) {
-        core::WeightedSum* sums = sums_.data() + static_cast<std::size_t>(t) * stride();
-        for (std::size_t p = pairs.count * t / threads_; p < pairs.count * (t + 1) / threads_; ++p) {
-          const IntVec& f = book.force[p];
-          if (book.magnitude[p] == 0 && f.v[0] == 0 && f.v[1] == 0 && f.v[2] == 0) continue;
-          const Level level = book.level[p];
-          core::WeightedSum& i = sums[pairs.i[p]];
-          core::WeightedSum& j = sums[fixed ? balls_.far_row() : pairs.j[p]];
-          const int shift = level == kSkipped ? 0 : level;
-          const std::int64_t on = level == kSkipped ? 0 : 1;  // a missed contact pays nothing backwards
-          for (int k = 0; k < 3; ++k) {
-            i.force.v[k] += f.v[k];
-            i.impulse.v[k] += (f.v[k] * on) << shift;
-            j.force.v[k] -= f.v[k];
-            j.impulse.v[k] -= (f.v[k] * on) << shift;
-          }
-        }
+        // A missed contact has no weight: it pays nothing backwards.
+        core::kernels().sum_recorded(pairs.span(), book.force.data(), book.level.data(), !fixed,
+                                     sums_.data() + static_cast<std::size_t>(t) * stride(), pairs.count * t / threads_,
+                                     pairs.count * (t + 1) / threads_);
       }
     }
   }
@@ -335,27 +324,14 @@ class MultirateStepper final : public core::BallStepper {
     double seconds;
   };
   /// Half a step of every recorded contact, for the ledger.
-  Opened half_of_records() const {
-    std::int64_t magnitude = 0, power = 0, turned = 0, wall[3] = {0, 0, 0};
+  Opened half_of_records() {
+    Opened half{{}, {}, 0.5 * ladder_.tick()};
     for (const bool fixed : {false, true}) {
-      const std::size_t count = (fixed ? list_.fixed_pairs() : list_.ball_pairs()).count;
-      const PairBook& book = books_[fixed];
-      for (std::size_t p = 0; p < count; ++p) {
-        const Level level = book.level[p];
-        if (level == kSkipped) continue;
-        magnitude += book.magnitude[p] << level;
-        power += book.power[p] << level;
-        turned += book.turned[p] << level;
-        if (!fixed) continue;
-        for (int k = 0; k < 3; ++k) wall[k] += book.force[p].v[k] << level;
-      }
+      PairBook& book = books_[fixed];
+      core::kernels().total_recorded(book.records(0), book.level.data(), fixed, fixed ? half.fixed : half.ball, 0,
+                                     (fixed ? list_.fixed_pairs() : list_.ball_pairs()).count);
     }
-    SweepTotals all, at_wall;
-    all.magnitude = magnitude;
-    all.power = power;
-    all.turned = turned;
-    for (int k = 0; k < 3; ++k) at_wall.force[k] = wall[k];
-    return {all, at_wall, 0.5 * ladder_.tick()};
+    return half;
   }
 
   /// The last tick before a renewal: one evaluation of all listed pairs closes every step and feeds the classes.
@@ -461,7 +437,7 @@ class MultirateStepper final : public core::BallStepper {
     find_needs();
     const core::ContactLaw ball = law(false, 0.0).law, fixed = law(true, 0.0).law;
     for (std::uint32_t row = 0; row < n; ++row) {
-      Level level = std::min(need_[row].now, std::max(level_[row], need_[row].with_hysteresis));
+      Level level = std::min(classes_.need(approach_[row]), std::max(level_[row], classes_.need(kHysteresis * approach_[row])));
       while (level > 0 && !is_stable(matrix_[row], ladder_.step(level), ball, fixed, largest_inverse_mass_)) --level;
       level_[row] = level;
     }
@@ -480,7 +456,8 @@ class MultirateStepper final : public core::BallStepper {
     const double interval = kRenewEvery * step_, soon = kSoon * length_scale_;
     largest_inverse_mass_ = 0.0;
     for (const double inverse : balls_.inverse_mass) largest_inverse_mass_ = std::max(largest_inverse_mass_, inverse);
-    need_.assign(n, Need{ladder_.coarsest(), ladder_.coarsest()});
+    const double per_unit = 1.0 / (largest_inverse_mass_ * kMatrixUnit);
+    approach_.assign(n, 0.0);
     matrix_.assign(n, ContactMatrix{});
     for (const bool fixed : {false, true}) {
       const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
@@ -497,18 +474,12 @@ class MultirateStepper final : public core::BallStepper {
         }
         book.level[p] = 0;
         if (gap > 1.5 * std::max(book.rate[p], 0.0) * interval + soon) continue;
-        const Need need{classes_.need(book.rate[p], fixed), classes_.need(kHysteresis * book.rate[p], fixed)};
-        const double scale = (balls_.inverse_mass[i] + (fixed ? 0.0 : balls_.inverse_mass[j])) / largest_inverse_mass_ / kMatrixUnit;
-        const double x = book.nx[p], y = book.ny[p], z = book.nz[p];
-        const std::int64_t nn[6] = {
-            static_cast<std::int64_t>(scale * x * x), static_cast<std::int64_t>(scale * y * y),
-            static_cast<std::int64_t>(scale * z * z), static_cast<std::int64_t>(scale * x * y),
-            static_cast<std::int64_t>(scale * x * z), static_cast<std::int64_t>(scale * y * z)};
+        const double approach = classes_.weighted(book.rate[p], fixed);
+        const double scale = (balls_.inverse_mass[i] + (fixed ? 0.0 : balls_.inverse_mass[j])) * per_unit;
+        const NormalMatrix nn = NormalMatrix::of(book.nx[p], book.ny[p], book.nz[p], scale);
         const auto add = [&](std::uint32_t row) {
-          need_[row].now = std::min(need_[row].now, need.now);
-          need_[row].with_hysteresis = std::min(need_[row].with_hysteresis, need.with_hysteresis);
-          std::int64_t* to = fixed ? matrix_[row].fixed : matrix_[row].ball;
-          for (int k = 0; k < 6; ++k) to[k] += nn[k];
+          approach_[row] = std::max(approach_[row], approach);
+          (fixed ? matrix_[row].fixed : matrix_[row].ball) += nn;
         };
         add(i);
         if (!fixed) add(j);
@@ -520,26 +491,34 @@ class MultirateStepper final : public core::BallStepper {
   void make_batches() {
     const std::uint32_t n = balls_.content_count();
     drift_level_.assign(level_.begin(), level_.end());
-    for (Batch& batch : batches_) {
-      batch.ball.clear();
-      batch.fixed.clear();
-    }
     for (const bool fixed : {false, true}) {
       const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
-      PairBook& book = books_[fixed];
+      std::vector<Level>& pair_level = books_[fixed].level;
+      std::array<std::size_t, 256> count{};  // kSkipped included
       for (std::size_t p = 0; p < pairs.count; ++p) {
-        if (book.level[p] == kSkipped) continue;
-        const std::uint32_t i = pairs.i[p], j = pairs.j[p];
-        const Level level = fixed ? level_[i] : std::min(level_[i], level_[j]);
-        book.level[p] = level;
-        drift_level_[i] = std::min(drift_level_[i], level);
-        if (!fixed) drift_level_[j] = std::min(drift_level_[j], level);
-        (fixed ? batches_[level].fixed : batches_[level].ball).add(i, j);
+        if (pair_level[p] != kSkipped) {
+          const std::uint32_t i = pairs.i[p], j = fixed ? i : pairs.j[p];
+          const Level level = std::min(level_[i], level_[j]);
+          pair_level[p] = level;
+          drift_level_[i] = std::min(drift_level_[i], level);
+          drift_level_[j] = std::min(drift_level_[j], level);
+        }
+        ++count[pair_level[p]];
       }
-    }
-    for (Batch& batch : batches_) {
-      batch.ball.finish(balls_.far_row());
-      batch.fixed.finish(balls_.far_row());
+      std::array<std::pair<std::uint32_t*, std::uint32_t*>, kMostLevels> next{};
+      for (Level l = 0; l < ladder_.levels(); ++l) {
+        PairList& batch = fixed ? batches_[l].fixed : batches_[l].ball;
+        batch.i.resize(count[l]);
+        batch.j.resize(count[l]);
+        next[l] = {batch.i.data(), batch.j.data()};
+      }
+      for (std::size_t p = 0; p < pairs.count; ++p) {
+        if (pair_level[p] == kSkipped) continue;
+        auto& [to_i, to_j] = next[pair_level[p]];
+        *to_i++ = pairs.i[p];
+        *to_j++ = pairs.j[p];
+      }
+      for (Batch& batch : batches_) (fixed ? batch.fixed : batch.ball).finish(balls_.far_row());
     }
     for (auto& rows : drifting_) rows.clear();
     level_count_.assign(static_cast<std::size_t>(ladder_.levels()), 0);
@@ -579,10 +558,6 @@ class MultirateStepper final : public core::BallStepper {
   /// Force sums per thread: the content and the far row.
   std::size_t stride() const { return balls_.content_count() + std::size_t{1}; }
 
-  struct Need {
-    Level now, with_hysteresis;
-  };
-
   Ladder ladder_;
   Classes classes_;
   bool events_;
@@ -601,7 +576,7 @@ class MultirateStepper final : public core::BallStepper {
   std::vector<std::vector<std::uint32_t>> found_;     // event candidates per thread
   std::vector<std::vector<std::uint32_t>> recorded_[2];
   PairBook books_[2];                    // among balls, with fixed balls
-  std::vector<Need> need_;
+  std::vector<double> approach_;         // m/s, the largest weighted approach speed of a ball's pairs
   std::vector<ContactMatrix> matrix_;
   double largest_inverse_mass_ = 0.0;
   std::vector<Opened> opened_;
