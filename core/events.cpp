@@ -37,8 +37,9 @@ int quadratic_roots(double c0, double c1, double c2, double* out) {
   return n;
 }
 
-/// Adds the sign changes of a cubic inside (0, 1): bisection on the pieces where it is monotone.
-void add_roots(const Cubic& f, Splits& splits) {
+/// Adds the sign changes of a cubic inside (0, 1) that `matters`: bisection on the pieces where it is monotone.
+template <class Matters>
+void add_roots(const Cubic& f, Splits& splits, Matters matters) {
   std::array<double, 4> bound{0.0, 0.0, 0.0, 1.0};
   double turning[2];
   const int turns = quadratic_roots(f.c1, 2.0 * f.c2, 3.0 * f.c3, turning);
@@ -53,7 +54,8 @@ void add_roots(const Cubic& f, Splits& splits) {
       const double middle = 0.5 * (low + high);
       ((f(middle) > 0.0) == sign ? low : high) = middle;
     }
-    splits.add(0.5 * (low + high));
+    const double root = 0.5 * (low + high);
+    if (matters(root)) splits.add(root);
   }
 }
 
@@ -69,15 +71,16 @@ EventCorrection event_correction(const ContactLaw& law, const Approach& start, c
 
   Splits splits;
   splits.add(0.0);
-  add_roots(overlap, splits);
+  const auto always = [](double) { return true; };
+  add_roots(overlap, splits, always);
   if (!law.tension) {
     const double k = law.k, c = law.c / h;
     add_roots({k * overlap.c0 + c * slope.c0, k * overlap.c1 + c * slope.c1, k * overlap.c2 + c * slope.c2, k * overlap.c3},
-              splits);
+              splits, [&](double u) { return overlap(u) > 0.0; });
   }
   if (law.reach > 0.0) {
-    add_roots({overlap.c0 + law.reach, overlap.c1, overlap.c2, overlap.c3}, splits);
-    add_roots(slope, splits);
+    add_roots({overlap.c0 + law.reach, overlap.c1, overlap.c2, overlap.c3}, splits, always);
+    add_roots(slope, splits, [&](double u) { return overlap(u) <= 0.0 && overlap(u) >= -law.reach; });
   }
   EventCorrection out;
   if (splits.n == 1) return out;
