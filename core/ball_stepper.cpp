@@ -23,7 +23,7 @@ std::string point(const Vec3& x) { return fmt::format("({:.6g}, {:.6g}, {:.6g})"
 
 }  // namespace
 
-BallStepper::BallStepper(const State& state, const StepperSetup& setup, int weight_bits)
+BallStepper::BallStepper(const State& state, const StepperSetup& setup, int weight_bits, double ahead)
     : setup_(setup), balls_(state, setup.materials, !setup.outlet_open), ledger_(setup.ledger) {
   GC_REQUIRE(setup.stepping.step.has_value() && *setup.stepping.step > 0.0, "a stepper needs a step above 0 s");
   step_ = *setup.stepping.step;
@@ -33,6 +33,8 @@ BallStepper::BallStepper(const State& state, const StepperSetup& setup, int weig
   const std::size_t ever = balls_.content_count() + static_cast<std::size_t>(ledger_.discharged);
   scale_ = force_scale(setup.materials, setup.gravity.norm(), length_scale_, weight_bits, ever, setup.force_limit);
   SkinRule rule = SkinRule::for_diameter(length_scale_);
+  rule.ahead = ahead;
+  if (ahead > 0.0) rule.floor *= 3.0;  // only some steps sweep all listed pairs
   if (setup.skin > 0.0) rule.floor = setup.skin;
   list_ = NeighbourList(setup.materials.reach(), rule, setup.threads);
 

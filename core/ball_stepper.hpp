@@ -21,7 +21,9 @@ class BallStepper : public Stepper {
 
  protected:
   /// Loads the balls; rows hold the points of the last force evaluation if the state knows them.
-  BallStepper(const State& state, const StepperSetup& setup, int weight_bits);
+  /// `weight_bits`: see force_scale(). `ahead`: seconds by which partners must be listed before they meet; if not 0,
+  /// lists are also made to last longer.
+  BallStepper(const State& state, const StepperSetup& setup, int weight_bits, double ahead);
 
   /// Rows from the evaluated points to the state's positions and velocities.
   void load_synchronised(const State& state);

@@ -33,7 +33,7 @@ double critical_step_of_pair(const PairLaw& law, double inverse_mass_sum, Integr
 StepBounds critical_steps(const State& state, const Materials& materials, bool outlet_open, Integrator integrator) {
   Balls balls(state, materials, !outlet_open);
   const double floor = 1e-3 * balls.mean_diameter;  // no motion is expected: any small skin will do
-  NeighbourList list(materials.reach(), {floor, 0.0}, 1);
+  NeighbourList list(materials.reach(), {floor, 0.0, 0.0}, 1);
   list.build(balls);
   const std::uint32_t n = balls.content_count();
   std::vector<Eigen::Matrix3d> spring(n, Eigen::Matrix3d::Zero()), dashpot = spring;

@@ -108,7 +108,7 @@ std::vector<std::uint32_t> NeighbourList::build(Balls& balls, const std::vector<
   };
   const auto skin_of = [this](const BallRow& row) {
     const double speed = std::sqrt(row.vx * row.vx + row.vy * row.vy + row.vz * row.vz);
-    return std::max(rule_.floor, 0.55 * rule_.lifetime * speed);
+    return rule_.floor + (0.5 * rule_.lifetime + rule_.ahead) * speed;
   };
 
   std::vector<std::uint32_t> kept;
@@ -129,7 +129,7 @@ std::vector<std::uint32_t> NeighbourList::build(Balls& balls, const std::vector<
   std::vector<double> skins;
   skins.reserve(kept.size());
   for (const std::uint32_t i : kept) skins.push_back(skin_of(balls.rows[i]));
-  const double common_skin = std::max(1.2 * rule_.floor, all_but_few(skins, kMostWide));
+  const double common_skin = std::max(rule_.floor, all_but_few(skins, kMostWide));
   const double edge = 2.0 * balls.largest_radius + reach_ + 2.0 * common_skin;
   const CubeGrid grid(low, high, edge, kept.size());
 

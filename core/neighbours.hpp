@@ -19,10 +19,12 @@ struct PairList {
   void finish(std::uint32_t far);
 };
 
-/// How far ahead a list looks. Never changes results, only how often a list is made.
+/// How far ahead a list looks: skin = floor + (lifetime / 2 + ahead) |v| about x + v lifetime / 2. A ball that keeps its
+/// velocity uses up nothing but the lifetime. Never changes results, only how often a list is made.
 struct SkinRule {
-  double floor = 0.005;     // m, skin of a ball at rest; the default is for balls of 0.44 m
+  double floor = 0.004;     // m, skin of a ball at rest; the default is for balls of 0.44 m
   double lifetime = 0.012;  // s, for which a moving ball's skin should last
+  double ahead = 0.0;       // s, by which partners must be listed before they meet
   /// A default in proportion to the balls.
   static SkinRule for_diameter(double mean_diameter);
 };

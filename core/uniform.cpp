@@ -20,7 +20,7 @@ namespace {
 class UniformStepper final : public BallStepper {
  public:
   UniformStepper(const State& state, const StepperSetup& setup)
-      : BallStepper(state, setup, 1),
+      : BallStepper(state, setup, 1, 0.0),
         scheme_(setup.stepping.integrator),
         events_(setup.stepping.events),
         event_book_(scale_, 0.5 * step_),
@@ -55,13 +55,14 @@ class UniformStepper final : public BallStepper {
       }
       if (setup_.first_impact) note_impacts();
       move(Advance::close);
-      if (setup_.first_impact) stop_first_impacts();
-      if (scheme_ == Integrator::pece) {
-        keep_evaluated();
-        sweep_pairs();
-        take_sums_as_opening();
-      }
+      if (scheme_ == Integrator::pece) evaluate_again();
       finish_step();
+      if (setup_.first_impact && !first_hit_.empty()) {
+        // The dashpots' forces change with the velocities: the next step opens with new ones.
+        stop_first_impacts();
+        evaluate_again();
+        previous_ = {ball_totals_, fixed_totals_};
+      }
       if (crossed_) remove_leaving();
       if (k < n) move(Advance::open);
     }
@@ -101,6 +102,13 @@ class UniformStepper final : public BallStepper {
   void evaluate() {
     sweep_pairs();
     costs_.ball_updates += balls_.content_count();
+  }
+
+  /// New opening forces at a synchronised state.
+  void evaluate_again() {
+    keep_evaluated();
+    sweep_pairs();
+    take_sums_as_opening();
   }
 
   void sweep_pairs() {

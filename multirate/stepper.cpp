@@ -33,7 +33,9 @@ using core::SweepTotals;
 using core::Vec3;
 
 constexpr Level kSkipped = core::kNoWeight;  // of a pair that cannot touch before the next renewal
-constexpr double kMargin = 1.2e-3; // mean diameters that a ball may stray from its straight path between renewals
+constexpr double kMargin = 2.4e-3; // mean diameters that a ball may stray from its straight path between renewals
+constexpr double kAccelerating = 1.5;  // an approach may be faster than it looks now by this much
+constexpr double kAhead = 1.1 * kAccelerating;  // intervals between renewals that lists look ahead
 constexpr double kSoon = 2.5e-4;   // mean diameters: gaps below it count as about to close
 constexpr std::size_t kWorthThreads = 4096;  // pairs or balls
 
@@ -69,9 +71,10 @@ struct Batch {
 class MultirateStepper final : public core::BallStepper {
  public:
   MultirateStepper(const core::State& state, const core::StepperSetup& setup)
-      : BallStepper(state, setup, setup.stepping.levels),
+      : BallStepper(state, setup, setup.stepping.levels, kAhead * kRenewEvery * *setup.stepping.step),
         ladder_(step_, setup.stepping.levels),
         classes_(ladder_, setup.stepping.tolerance, length_scale_, setup.materials.wall.k / setup.materials.ball.k),
+        interval_(kRenewEvery * step_),
         events_(setup.stepping.events),
         event_book_(scale_, 0.5 * ladder_.tick()),
         threads_(std::max(1, setup.threads)),
@@ -399,16 +402,15 @@ class MultirateStepper final : public core::BallStepper {
     parts_ = 1;
   }
 
-  /// Whether a ball may use up its skin before the next renewal.
+  /// Whether a pair that classification should see by its gap and speed could be missing from the list.
   bool is_list_worn() const {
-    const double interval = kRenewEvery * step_;
+    const double ahead = kAhead * interval_;
     for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
       const BallRow& r = balls_.rows[row];
       const core::SkinReference& skin = list_.skins()[row];
-      const Vec3 reference(skin.x, skin.y, skin.z);
-      const double room = std::sqrt(skin.skin2) - margin(r);
-      const Vec3 now = position(r) - reference, then = now + interval * velocity(r);
-      if (!(room > 0.0 && now.squaredNorm() <= room * room && then.squaredNorm() <= room * room)) return true;
+      const double room = std::sqrt(skin.skin2) - margin(r) - ahead * velocity(r).norm();
+      const Vec3 away = position(r) - Vec3(skin.x, skin.y, skin.z);
+      if (!(room > 0.0 && away.squaredNorm() <= room * room)) return true;
     }
     return false;
   }
@@ -423,8 +425,8 @@ class MultirateStepper final : public core::BallStepper {
 
   /// How far a ball may stray from its straight path before the next renewal [m].
   double margin(const BallRow& row) const {
-    const double interval = kRenewEvery * step_;
-    return kMargin * length_scale_ + 0.5 * interval * interval * row.a;
+    const double most = kMargin * length_scale_;
+    return most + std::min(most, 0.5 * interval_ * interval_ * row.a);
   }
 
   /// Levels of balls and contacts from the records; opens all steps at them.
@@ -453,7 +455,7 @@ class MultirateStepper final : public core::BallStepper {
   /// Needs of balls from their pairs; marks pairs that cannot touch before the next renewal.
   void find_needs() {
     const std::uint32_t n = balls_.content_count();
-    const double interval = kRenewEvery * step_, soon = kSoon * length_scale_;
+    const double soon = kSoon * length_scale_;
     largest_inverse_mass_ = 0.0;
     for (const double inverse : balls_.inverse_mass) largest_inverse_mass_ = std::max(largest_inverse_mass_, inverse);
     const double per_unit = 1.0 / (largest_inverse_mass_ * kMatrixUnit);
@@ -468,12 +470,12 @@ class MultirateStepper final : public core::BallStepper {
         const std::uint32_t i = pairs.i[p], j = pairs.j[p];
         const double gap = -book.overlap[p] - reach;
         const double stray = expected_[i].margin + (fixed ? 0.0 : expected_[j].margin);
-        if (gap > book.speed[p] * interval + stray) {
+        if (gap > book.speed[p] * interval_ + stray) {
           book.level[p] = kSkipped;
           continue;
         }
         book.level[p] = 0;
-        if (gap > 1.5 * std::max(book.rate[p], 0.0) * interval + soon) continue;
+        if (gap > kAccelerating * std::max(book.rate[p], 0.0) * interval_ + soon) continue;
         const double approach = classes_.weighted(book.rate[p], fixed);
         const double scale = (balls_.inverse_mass[i] + (fixed ? 0.0 : balls_.inverse_mass[j])) * per_unit;
         const NormalMatrix nn = NormalMatrix::of(book.nx[p], book.ny[p], book.nz[p], scale);
@@ -560,6 +562,7 @@ class MultirateStepper final : public core::BallStepper {
 
   Ladder ladder_;
   Classes classes_;
+  double interval_;                  // s, between regular renewals
   bool events_;
   core::EventBook event_book_;
   int threads_;
