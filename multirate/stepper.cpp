@@ -612,15 +612,16 @@ double default_step(const core::State& state, const core::StepperSetup& setup) {
   const core::StepBounds bounds =
       core::critical_steps(state, setup.materials, setup.outlet_open, setup.stepping.integrator);
   if (setup.stepping.method == core::Method::uniform) return 0.7 * bounds.smallest;
-  // The coarsest step is for the bulk: what nine balls in ten of those that touch anything can take.
+  // The coarsest step is for the bulk, with room for moments when contacts crowd: three quarters of what the median of
+  // the balls that touch anything can take. Balls that cannot take it step finer.
   std::vector<double> finite;
   for (const double h : bounds.per_ball) {
     if (std::isfinite(h)) finite.push_back(h);
   }
   if (finite.empty()) return 0.7 * bounds.smallest;
-  const auto tenth = finite.begin() + static_cast<std::ptrdiff_t>(finite.size() / 10);
-  std::nth_element(finite.begin(), tenth, finite.end());
-  return *tenth;
+  const auto median = finite.begin() + static_cast<std::ptrdiff_t>(finite.size() / 2);
+  std::nth_element(finite.begin(), median, finite.end());
+  return 0.75 * *median;
 }
 
 std::unique_ptr<core::Stepper> make_stepper(const core::State& state, const core::StepperSetup& setup) {
