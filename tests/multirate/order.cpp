@@ -1,0 +1,197 @@
+// Order of convergence with a fixed split of levels, and stability at the interfaces between them.
+#include "multirate/stepper.hpp"
+
+#include "multirate/classes.hpp"
+#include "tests/support/balls.hpp"
+#include "tests/support/order.hpp"
+
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+namespace grainclock::multirate {
+namespace {
+
+using core::Kind;
+using core::State;
+using core::Vec3;
+
+constexpr double kRadius = 0.1;          // m
+constexpr double kUnitMass = 3.0 / (4.0 * std::numbers::pi * kRadius * kRadius * kRadius);  // kg/m3, for balls of 1 kg
+
+std::vector<int> levels_of(const core::Stepper& stepper) {
+  const State state = stepper.state();
+  std::vector<int> out;
+  for (std::size_t i = 0; i < state.size(); ++i)
+    if (state.kind[i] == Kind::content) out.push_back(state.level[i]);
+  return out;
+}
+
+/// A ball circles between six stiff fixed ones, so that it is always fast at one of them; a soft column rests
+/// on it along n. Every contact stays closed and, with tension, smooth.
+struct Cage {
+  static constexpr int kColumn = 3;
+  static constexpr double kCoarsest = 4e-4;  // s, the largest coarse step; the circling ball's period is 6.3 ms
+  static constexpr double kOverlap = 2e-3, kOrbit = 5e-4;  // m
+  static constexpr double kEnd = 48 * kCoarsest;
+
+  State start;
+  core::StepperSetup setup;
+
+  Cage() {
+    constexpr double k_wall = 5e5, k_ball = k_wall / 900.0;  // N/m
+    const double w = std::sqrt(2.0 * k_wall);                // 1/s, two wall contacts along each axis, 1 kg
+    setup.materials.density = kUnitMass;
+    setup.materials.wall = {k_wall, 0.01 * w};
+    setup.materials.ball = {k_ball, 0.2 * std::sqrt(k_ball)};
+    setup.materials.tension = true;
+    const Vec3 n = Vec3(1.0, 1.0, 1.0).normalized();
+    setup.gravity = -k_ball * kOverlap / kColumn * n;  // presses the lowest contact of the column by kOverlap
+    setup.stepping.levels = 4;
+    setup.stepping.limiter = 2;
+    // Pairs may take the coarsest step up to 0.8 of the circling ball's speed, at kCoarsest. Among balls none is as fast; at
+    // the wall the ball counts as 30 times faster, hence level 0 down to an eighth of kCoarsest.
+    setup.stepping.tolerance = 0.8 * kOrbit * w * kCoarsest / (2.0 * kRadius * kApproachPerTolerance);
+
+    start.add(0, Kind::content, Vec3(kOrbit, 0.0, 0.0), Vec3(0.0, kOrbit * w, 0.0), kRadius);
+    double along = 0.0;
+    for (int k = 0; k < kColumn; ++k) {
+      along += 2.0 * kRadius - kOverlap * (kColumn - k) / kColumn;
+      start.add(k + 1, Kind::content, along * n, Vec3::Zero(), kRadius);
+    }
+    core::BallId id = kColumn + 1;
+    for (int axis = 0; axis < 3; ++axis)
+      for (const double side : {-1.0, 1.0}) {
+        Vec3 at = Vec3::Zero();
+        at[axis] = side * (1.2 * kRadius - kOverlap);
+        start.add(id++, Kind::wall, at, Vec3::Zero(), 0.2 * kRadius);
+      }
+  }
+};
+
+TEST(Order, IsTwoWithAFixedSplitOfLevels) {
+  Cage cage;
+  core::StepperSetup fine = cage.setup;
+  fine.stepping.method = core::Method::uniform;
+  fine.stepping.step = Cage::kCoarsest / 512.0;  // error below a thousandth of the finest one measured
+  const auto reference = core::make_uniform_stepper(cage.start, fine);
+  reference->advance(48 * 512);
+  const State truth = reference->state();
+
+  std::vector<double> steps, energy;
+  std::vector<std::vector<double>> position(1 + Cage::kColumn), velocity(1 + Cage::kColumn);
+  for (const int division : {1, 2, 4, 8}) {
+    cage.setup.stepping.step = Cage::kCoarsest / division;
+    const auto stepper = make_multirate_stepper(cage.start, cage.setup);
+    const core::Energies before = stepper->energies();
+    for (int k = 0; k < 48 * division; ++k) {
+      ASSERT_EQ(levels_of(*stepper), (std::vector<int>{0, 2, 3, 3})) << "coarse step " << k;
+      ASSERT_EQ(stepper->contacts().size(), 6U + Cage::kColumn);
+      stepper->advance(1);
+    }
+    steps.push_back(*cage.setup.stepping.step);
+    energy.push_back(core::energy_residual(before, stepper->energies(), stepper->ledger()));
+    const State end = stepper->state();
+    for (std::size_t b = 0; b < position.size(); ++b) {
+      position[b].push_back((end.position[b] - truth.position[b]).norm());
+      velocity[b].push_back((end.velocity[b] - truth.velocity[b]).norm());
+    }
+  }
+  // Errors are C h2 + O(h3); h times the fastest frequency is 0.4 at most at the coarsest level.
+  for (std::size_t b = 0; b < position.size(); ++b) {
+    EXPECT_NEAR(tests::fitted_order(steps, position[b]), 2.0, 0.1) << "position of ball " << b;
+    EXPECT_NEAR(tests::fitted_order(steps, velocity[b]), 2.0, 0.1) << "velocity of ball " << b;
+    EXPECT_GT(position[b].back(), 1e-13);  // far above rounding
+  }
+  EXPECT_NEAR(tests::fitted_order(steps, energy), 2.0, 0.1) << "energy residual";
+}
+
+/// Balls in line between two stiff walls, linear springs throughout, thrown about at random.
+struct Chain {
+  static constexpr int kBalls = 12;
+  static constexpr double kStiffness = 1e5;  // N/m
+  State start;
+  core::StepperSetup setup;
+  double limit;  // s, stability bound of the balls between balls
+
+  Chain(double wall_ratio, double damping_ratio) {
+    constexpr double overlap = 4e-3;  // m, never used up
+    setup.gravity = Vec3::Zero();
+    setup.materials.density = kUnitMass;
+    setup.materials.ball = {kStiffness, 2.0 * damping_ratio * std::sqrt(0.5 * kStiffness)};
+    setup.materials.wall = {wall_ratio * kStiffness, 2.0 * damping_ratio * std::sqrt(wall_ratio * kStiffness)};
+    setup.materials.tension = true;
+    setup.stepping.tolerance = 1e3;  // levels from stability alone
+    // Two contacts of inverse mass 2: (h2 k + 4 h c) 4 = 4.
+    const double c = 2.0 * setup.materials.ball.c;
+    limit = (std::sqrt(c * c + kStiffness) - c) / kStiffness;
+    double x = 2.0 * kRadius - overlap / wall_ratio, phase = 0.0;
+    start.add(0, Kind::wall, Vec3::Zero(), Vec3::Zero(), kRadius);
+    for (int k = 1; k <= kBalls; ++k) {
+      phase = std::fmod(phase + 0.618, 1.0);
+      start.add(k, Kind::content, Vec3(x, 0.0, 0.0), Vec3(0.05 * (phase - 0.5), 0.0, 0.0), kRadius);
+      x += 2.0 * kRadius - (k == kBalls ? overlap / wall_ratio : overlap);
+    }
+    start.add(kBalls + 1, Kind::wall, Vec3(x, 0.0, 0.0), Vec3::Zero(), kRadius);
+  }
+
+  std::unique_ptr<core::Stepper> stepper(double step) {
+    setup.stepping.step = step;
+    return make_multirate_stepper(start, setup);
+  }
+};
+
+/// Energy above that of the chain at rest, as multiples of what it began with, after every `steps` coarse steps.
+std::vector<double> energy_history(core::Stepper& stepper, int pieces, int steps) {
+  const core::Energies before = stepper.energies();
+  std::vector<double> out;
+  for (int k = 0; k < pieces; ++k) {
+    stepper.advance(steps);
+    out.push_back((stepper.energies().total() - before.total()) / before.kinetic + 1.0);
+  }
+  return out;
+}
+
+TEST(Interfaces, UndampedChainsGrowWeakly) {
+  // Growth per time, at a half and at a quarter of the bulk's limit. Explored: proportional to h3 at every ratio.
+  Chain chain(100.0, 0.0);
+  double growth[2];
+  for (int k = 0; k < 2; ++k) {
+    const double step = (k == 0 ? 0.5 : 0.25) * chain.limit;
+    const auto stepper = chain.stepper(step);
+    const std::vector<double> energy = energy_history(*stepper, 2, k == 0 ? 800 : 5000);
+    EXPECT_EQ(levels_of(*stepper)[1], 7);
+    EXPECT_LT(levels_of(*stepper)[0], 7);
+    EXPECT_GT(energy[1], energy[0]);
+    growth[k] = std::log(energy[1] / energy[0]) / (step * (k == 0 ? 800 : 5000));
+  }
+  EXPECT_GT(growth[0] * 100.0 * 2.0 * std::numbers::pi / std::sqrt(Chain::kStiffness), 1.0);  // visible within 100 periods
+  EXPECT_GT(growth[0] / growth[1], 4.0);   // faster than h2
+  EXPECT_LT(growth[0] / growth[1], 32.0);  // slower than h5
+}
+
+TEST(Interfaces, UndampedChainsOnOneLevelDoNotGrow) {
+  Chain chain(100.0, 0.0);
+  chain.setup.stepping.levels = 1;
+  const auto stepper = chain.stepper(0.5 * chain.limit / 8.0);
+  // The energy of this scheme oscillates by a fraction (h w / 2)^2 of its size, 0.4 at the stiffest mode.
+  for (const double energy : energy_history(*stepper, 20, 2000)) EXPECT_NEAR(energy, 1.0, 0.4);
+}
+
+TEST(Interfaces, ADampingRatioOfTwoHundredthsStopsTheGrowth) {
+  for (const double wall_ratio : {25.0, 100.0, 400.0})
+    for (const double fraction : {0.95, 0.7, 0.5, 0.25}) {
+      SCOPED_TRACE(testing::Message() << "wall " << wall_ratio << " times stiffer, " << fraction << " of the limit");
+      Chain chain(wall_ratio, 0.02);
+      const auto stepper = chain.stepper(fraction * chain.limit);
+      const std::vector<double> energy = energy_history(*stepper, 30, 100);
+      const std::vector<int> levels = levels_of(*stepper);
+      EXPECT_TRUE(*std::min_element(levels.begin(), levels.end()) < 7 || (wall_ratio < 30.0 && fraction < 0.3));
+      EXPECT_LT(*std::max_element(energy.begin(), energy.end()), 1.0);
+      EXPECT_LT(energy.back(), 0.02);
+      for (std::size_t k = 5; k < energy.size(); ++k) EXPECT_LT(energy[k], energy[k - 5]);
+    }
+}
+
+}  // namespace
+}  // namespace grainclock::multirate
