@@ -173,7 +173,7 @@ Energies BallStepper::energies() const {
 
 Costs BallStepper::costs() const {
   Costs out = costs_;
-  out.list_builds = list_.builds();
+  out.list_builds += list_.builds();
   return out;
 }
 
@@ -203,23 +203,20 @@ std::vector<std::uint8_t> BallStepper::find_leaving() {
     }
   }
   if (leaving.empty()) return leaving;
-  const auto leaves = [&](std::uint32_t row) { return row < balls_.content_count() && leaving[row] != 0; };
-  for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
+  // In order of id, so that the sums do not depend on the sort in space.
+  std::vector<BallId> gone;
+  for (const std::uint32_t row : by_id(balls_)) {
     if (leaving[row] == 0) continue;
     const BallRow& r = balls_.rows[row];
+    gone.push_back(balls_.id[row]);
     ++ledger_.discharged;
     ledger_.removed_momentum += mass(row) * velocity(r);
     ledger_.removed_energy += mass(row) * (0.5 * velocity(r).squaredNorm() - setup_.gravity.dot(position(r)));
   }
-  for (const bool fixed : {false, true}) {
-    const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
-    const ContactLaw its = law(fixed, 0.0).law;
-    for (std::size_t p = 0; p < pairs.count; ++p) {
-      if (!leaves(pairs.i[p]) && !leaves(pairs.j[p])) continue;
-      const BallRow& a = balls_.rows[pairs.i[p]];
-      const BallRow& b = balls_.rows[pairs.j[p]];
-      ledger_.removed_energy += elastic_energy(its, a.r + b.r - (position(a) - position(b)).norm());
-    }
+  const auto leaves = [&](BallId id) { return std::binary_search(gone.begin(), gone.end(), id); };
+  for (const Contact& c : contacts()) {
+    if (!leaves(c.i) && !leaves(c.j)) continue;
+    ledger_.removed_energy += elastic_energy(law(c.other != Kind::content, 0.0).law, c.overlap);
   }
   return leaving;
 }

@@ -230,6 +230,8 @@ class UniformStepper final : public BallStepper {
       const IntVec force = total_force(row);
       if (impacted_[row] == 0 && (force.v[0] != 0 || force.v[1] != 0 || force.v[2] != 0)) first_hit_.push_back(row);
     }
+    // In order of id, so that the ledger does not depend on the sort in space.
+    std::sort(first_hit_.begin(), first_hit_.end(), [this](std::uint32_t a, std::uint32_t b) { return balls_.id[a] < balls_.id[b]; });
   }
   void stop_first_impacts() {
     for (const std::uint32_t row : first_hit_) {
