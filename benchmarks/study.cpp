@@ -11,6 +11,7 @@
 #include "core/snapshot.hpp"
 #include "multirate/stepper.hpp"
 #include "silo/measures.hpp"
+#include "silo/phases.hpp"
 
 #include <chrono>
 #include <cmath>
@@ -321,7 +322,7 @@ void run_study(const std::string& study_path, const std::string& out_dir, int th
   for (const std::string& path : study.starts) {
     Series series;
     series.name = std::filesystem::path(path).stem().string();
-    series.start = core::read_state(path);
+    series.start = silo::fresh(core::read_state(path));
     series.layers = wall_layers(series.start);
     all.push_back(std::move(series));
   }

@@ -29,6 +29,7 @@ void each_field(P& p, Visit visit) {
   visit("phase_start", p.phase_start);
   visit("step", p.step);
   visit("first_collar", p.first_collar);
+  visit("slow_since", p.watch.slow_since);
   visit("rest_since", p.watch.rest_since);
   visit("discharged_before", p.watch.discharged_before);
   visit("content_before", p.watch.content_before);

@@ -32,6 +32,7 @@ MeanBall mean_ball(const core::State& state, const core::Materials& materials);
 
 /// What the end of a phase is judged by, from check to check; restart needs all of it.
 struct Watch {
+  std::int64_t slow_since = -1;        // step of the phase since which it has been creeping at most; -1: it flows
   std::int64_t rest_since = -1;        // step of the phase since which it has been at rest; -1: it moves
   std::int64_t discharged_before = 0;  // of the ledger, at the phase's start
   std::int64_t content_before = 0;     // at the phase's start
@@ -40,8 +41,8 @@ struct Watch {
 };
 
 /// Judges the state at a check, each `step` of the phase at [s]; gives the reason where the phase is over.
-/// Rest: kinetic energy per ball below 1e-6 m g r for 0.1 s. A permanent arch (nothing left for 5 s, and at
-/// rest) ends a phase that waits for a discharge.
+/// Rest: kinetic energy per ball below 1e-6 m g r for 0.1 s. A permanent arch (for 5 s nothing left
+/// and kinetic energy per ball below 5e-3 m g r) ends a phase that waits for a discharge.
 std::optional<std::string> phase_end(const core::Phase& phase, const MeanBall& mean, double gravity, double step, std::int64_t steps,
                                      const core::Energies& energies, std::int64_t discharged, Watch& watch);
 

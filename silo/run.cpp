@@ -139,7 +139,7 @@ class Run {
     at_.steps = 0;
     at_.mean = mean_ball(state, setup.materials);
     const std::int64_t discharged = stepper_->ledger().discharged;
-    at_.watch = {-1, discharged, static_cast<std::int64_t>(state.count(core::Kind::content)), discharged, 0};
+    at_.watch = {-1, -1, discharged, static_cast<std::int64_t>(state.count(core::Kind::content)), discharged, 0};
 
     const Report report = phase_report(phase(), state, setup);
     const core::StepBounds bounds = critical_steps(state, setup.materials, setup.outlet_open, setup.stepping.integrator);
