@@ -63,6 +63,12 @@ struct PairBook {
   }
 };
 
+/// What a ball's pairs ask of its step.
+struct Need {
+  ContactMatrix matrix;
+  double approach = 0.0;  // m/s, the largest weighted approach speed
+};
+
 /// Contacts of one level, contiguous.
 struct Batch {
   PairList ball, fixed;
@@ -228,6 +234,16 @@ class MultirateStepper final : public core::BallStepper {
       });
     }
     parts_ = 1;
+  }
+
+  /// Calls work(begin, end) for shares of the content, by threads.
+  template <class Work>
+  void share_balls(Work work) {
+    const std::uint64_t n = balls_.content_count();
+#pragma omp parallel for num_threads(threads_) schedule(static, 1) if (threads_ > 1)
+    for (int t = 0; t < threads_; ++t) {
+      work(static_cast<std::uint32_t>(n * t / threads_), static_cast<std::uint32_t>(n * (t + 1) / threads_));
+    }
   }
 
   /// Calls work(RowSpan) for shares of `rows`, by threads where it pays.
@@ -431,18 +447,15 @@ class MultirateStepper final : public core::BallStepper {
 
   /// Levels of balls and contacts from the records; opens all steps at them.
   void classify() {
-    const std::uint32_t n = balls_.content_count();
-    for (std::uint32_t row = 0; row < n; ++row) {
-      const BallRow& r = balls_.rows[row];
-      expected_[row] = {r.x, r.y, r.z, margin(r), r.vx, r.vy, r.vz, 0.0};
-    }
+    share_balls([this](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t row = begin; row < end; ++row) {
+        const BallRow& r = balls_.rows[row];
+        margin_[row] = margin(r);
+        expected_[row] = {r.x, r.y, r.z, margin_[row], r.vx, r.vy, r.vz, 0.0};
+      }
+    });
     find_needs();
-    const core::ContactLaw ball = law(false, 0.0).law, fixed = law(true, 0.0).law;
-    for (std::uint32_t row = 0; row < n; ++row) {
-      Level level = std::min(classes_.need(approach_[row]), std::max(level_[row], classes_.need(kHysteresis * approach_[row])));
-      while (level > 0 && !is_stable(matrix_[row], ladder_.step(level), ball, fixed, largest_inverse_mass_)) --level;
-      level_[row] = level;
-    }
+    choose_levels();
     const PairBook& book = books_[0];
     limit_levels(level_, list_.ball_pairs().span(), list_.ball_pairs().count, setup_.stepping.limiter,
                  [&](std::size_t p) { return book.level[p] != kSkipped; });
@@ -454,39 +467,65 @@ class MultirateStepper final : public core::BallStepper {
 
   /// Needs of balls from their pairs; marks pairs that cannot touch before the next renewal.
   void find_needs() {
-    const std::uint32_t n = balls_.content_count();
-    const double soon = kSoon * length_scale_;
     largest_inverse_mass_ = 0.0;
     for (const double inverse : balls_.inverse_mass) largest_inverse_mass_ = std::max(largest_inverse_mass_, inverse);
-    const double per_unit = 1.0 / (largest_inverse_mass_ * kMatrixUnit);
-    approach_.assign(n, 0.0);
-    matrix_.assign(n, ContactMatrix{});
-    for (const bool fixed : {false, true}) {
-      const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
-      PairBook& book = books_[fixed];
-      book.level.resize(pairs.count);
-      const double reach = law(fixed, 0.0).law.reach;
-      for (std::size_t p = 0; p < pairs.count; ++p) {
-        const std::uint32_t i = pairs.i[p], j = pairs.j[p];
-        const double gap = -book.overlap[p] - reach;
-        const double stray = expected_[i].margin + (fixed ? 0.0 : expected_[j].margin);
-        if (gap > book.speed[p] * interval_ + stray) {
-          book.level[p] = kSkipped;
-          continue;
-        }
-        book.level[p] = 0;
-        if (gap > kAccelerating * std::max(book.rate[p], 0.0) * interval_ + soon) continue;
-        const double approach = classes_.weighted(book.rate[p], fixed);
-        const double scale = (balls_.inverse_mass[i] + (fixed ? 0.0 : balls_.inverse_mass[j])) * per_unit;
-        const NormalMatrix nn = NormalMatrix::of(book.nx[p], book.ny[p], book.nz[p], scale);
-        const auto add = [&](std::uint32_t row) {
-          approach_[row] = std::max(approach_[row], approach);
-          (fixed ? matrix_[row].fixed : matrix_[row].ball) += nn;
-        };
-        add(i);
-        if (!fixed) add(j);
+    for (const bool fixed : {false, true}) books_[fixed].level.resize((fixed ? list_.fixed_pairs() : list_.ball_pairs()).count);
+    needs_.resize(static_cast<std::size_t>(threads_));
+#pragma omp parallel for num_threads(threads_) schedule(static, 1) if (threads_ > 1)
+    for (int t = 0; t < threads_; ++t) {
+      std::vector<Need>& needs = needs_[static_cast<std::size_t>(t)];
+      needs.assign(balls_.content_count(), Need{});
+      for (const bool fixed : {false, true}) {
+        const std::size_t count = books_[fixed].level.size();
+        add_needs(fixed, needs, count * t / threads_, count * (t + 1) / threads_);
       }
     }
+  }
+
+  /// Needs from pairs [begin, end) of one kind.
+  void add_needs(bool fixed, std::vector<Need>& needs, std::size_t begin, std::size_t end) {
+    const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
+    PairBook& book = books_[fixed];
+    const double soon = kSoon * length_scale_, reach = law(fixed, 0.0).law.reach;
+    const double per_unit = 1.0 / (largest_inverse_mass_ * kMatrixUnit);
+    for (std::size_t p = begin; p < end; ++p) {
+      const std::uint32_t i = pairs.i[p], j = pairs.j[p];
+      const double gap = -book.overlap[p] - reach;
+      if (gap > book.speed[p] * interval_ + margin_[i] + (fixed ? 0.0 : margin_[j])) {
+        book.level[p] = kSkipped;
+        continue;
+      }
+      book.level[p] = 0;
+      if (gap > kAccelerating * std::max(book.rate[p], 0.0) * interval_ + soon) continue;
+      const double approach = classes_.weighted(book.rate[p], fixed);
+      const double scale = (balls_.inverse_mass[i] + (fixed ? 0.0 : balls_.inverse_mass[j])) * per_unit;
+      const NormalMatrix nn = NormalMatrix::of(book.nx[p], book.ny[p], book.nz[p], scale);
+      const auto add = [&](Need& need) {
+        need.approach = std::max(need.approach, approach);
+        (fixed ? need.matrix.fixed : need.matrix.ball) += nn;
+      };
+      add(needs[i]);
+      if (!fixed) add(needs[j]);
+    }
+  }
+
+  /// Each ball's level from what its pairs need, before the limiter.
+  void choose_levels() {
+    const core::ContactLaw ball = law(false, 0.0).law, fixed = law(true, 0.0).law;
+    share_balls([&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t row = begin; row < end; ++row) {
+        Need need = needs_[0][row];
+        for (int t = 1; t < threads_; ++t) {
+          const Need& other = needs_[static_cast<std::size_t>(t)][row];
+          need.approach = std::max(need.approach, other.approach);
+          need.matrix.ball += other.matrix.ball;
+          need.matrix.fixed += other.matrix.fixed;
+        }
+        Level level = std::min(classes_.need(need.approach), std::max(level_[row], classes_.need(kHysteresis * need.approach)));
+        while (level > 0 && !is_stable(need.matrix, ladder_.step(level), ball, fixed, largest_inverse_mass_)) --level;
+        level_[row] = level;
+      }
+    });
   }
 
   /// Sorts contacts by level and balls by the finest level at which they take part.
@@ -554,6 +593,7 @@ class MultirateStepper final : public core::BallStepper {
     core::reorder_like(balance_, order);
     core::reorder_like(level_, order);
     expected_.resize(order.size());
+    margin_.resize(order.size());
     sums_.assign(static_cast<std::size_t>(threads_) * stride(), core::WeightedSum{});
   }
   std::vector<std::uint8_t> levels() const override { return level_; }
@@ -579,8 +619,8 @@ class MultirateStepper final : public core::BallStepper {
   std::vector<std::vector<std::uint32_t>> found_;     // event candidates per thread
   std::vector<std::vector<std::uint32_t>> recorded_[2];
   PairBook books_[2];                    // among balls, with fixed balls
-  std::vector<double> approach_;         // m/s, the largest weighted approach speed of a ball's pairs
-  std::vector<ContactMatrix> matrix_;
+  std::vector<std::vector<Need>> needs_;  // per thread
+  std::vector<double> margin_;            // m, see margin()
   double largest_inverse_mass_ = 0.0;
   std::vector<Opened> opened_;
   std::vector<std::size_t> level_count_;
