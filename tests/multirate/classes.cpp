@@ -3,8 +3,8 @@
 
 #include "tests/support/balls.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
 
 #include <limits>
 
@@ -86,8 +86,8 @@ TEST(Classes, ATenthOfTheToleranceNeedsATenthOfTheSpeed) {
 struct Cage {
   ContactMatrix integers;
   Eigen::Matrix3d ball = Eigen::Matrix3d::Zero(), fixed = Eigen::Matrix3d::Zero();  // 1/kg
-  double inertia;   // 1/kg, that the integers are relative to: of the lightest ball anywhere
-  double cut_off;   // relative error of the matrix that integers may make
+  double inertia;  // 1/kg, that the integers are relative to: of the lightest ball anywhere
+  double cut_off;  // relative error of the matrix that integers may make
 
   Cage(tests::Random& random, int contacts, bool flat) {
     constexpr double kHeaviest = 30.0;  // kg; the lightest has 1 kg
@@ -102,7 +102,8 @@ struct Cage {
       if (flat) n = core::Vec3(n.x(), n.y(), 0.0).normalized();
       const double inverse_masses = own + (is_fixed ? 0.0 : 1.0 / random.between(1.0, kHeaviest));
       (is_fixed ? fixed : ball) += inverse_masses * n * n.transpose();
-      (is_fixed ? integers.fixed : integers.ball) += NormalMatrix::of(n.x(), n.y(), n.z(), inverse_masses / inertia / kMatrixUnit);
+      (is_fixed ? integers.fixed : integers.ball) +=
+          NormalMatrix::of(n.x(), n.y(), n.z(), inverse_masses / inertia / kMatrixUnit);
     }
   }
 
@@ -117,8 +118,10 @@ TEST(Stability, AgreesWithEigenvaluesOnBothSidesOfTheLimit) {
   for (int trial = 0; trial < 1000; ++trial) {
     const Cage cage(random, 1 + static_cast<int>(random.below(12)), trial % 4 == 0);
     const bool damped = random.below(4) != 0;
-    const core::ContactLaw ball{std::pow(10.0, random.between(4.0, 8.0)), damped ? std::pow(10.0, random.between(2.0, 5.0)) : 0.0, 0.0, false};
-    const core::ContactLaw fixed{ball.k * std::pow(10.0, random.between(0.0, 3.0)), ball.c * random.between(0.0, 20.0), 0.0, false};
+    const core::ContactLaw ball{std::pow(10.0, random.between(4.0, 8.0)),
+                                damped ? std::pow(10.0, random.between(2.0, 5.0)) : 0.0, 0.0, false};
+    const core::ContactLaw fixed{ball.k * std::pow(10.0, random.between(0.0, 3.0)), ball.c * random.between(0.0, 20.0), 0.0,
+                                 false};
     double safe = 1e-12, unsafe = 1e3;
     while (unsafe > safe * (1.0 + 1e-14)) {
       const double middle = std::sqrt(safe * unsafe);

@@ -88,7 +88,8 @@ TEST(Determinism, TheOrderOfBallsDoesNotMatter) {
   State shuffled;
   shuffled.length_scale = start.length_scale;  // else the sum of diameters would be rounded in another order
   for (std::size_t i = 0; i < order.size(); ++i)
-    shuffled.add(static_cast<core::BallId>(i), start.kind[order[i]], start.position[order[i]], start.velocity[order[i]], start.radius[order[i]]);
+    shuffled.add(static_cast<core::BallId>(i), start.kind[order[i]], start.position[order[i]], start.velocity[order[i]],
+                 start.radius[order[i]]);
   const State got = after(shuffled, flow_setup(), 600);
   ASSERT_EQ(got.size(), expected.size());
   std::map<core::BallId, std::size_t> where;
@@ -190,7 +191,8 @@ TEST(Restart, AChainOfRestartsEqualsOneRun) {
 }
 
 TEST(Restart, OnlyRenewalsCanBeCheckpointed) {
-  const auto stepper = make_multirate_stepper(tests::resting_silo(), tests::silo_setup(core::Method::multirate, kStep, false));
+  const auto stepper =
+      make_multirate_stepper(tests::resting_silo(), tests::silo_setup(core::Method::multirate, kStep, false));
   EXPECT_TRUE(stepper->is_checkpointable());
   int between = 0;
   for (int k = 0; k < 10 * kRenewEvery; ++k) {

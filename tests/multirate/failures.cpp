@@ -20,7 +20,8 @@ StepperSetup setup_of(double step) { return tests::silo_setup(core::Method::mult
 
 /// Expects every one of `words` in a message.
 void expect_says(const std::string& message, std::initializer_list<std::string> words) {
-  for (const std::string& word : words) EXPECT_NE(message.find(word), std::string::npos) << "no \"" << word << "\" in: " << message;
+  for (const std::string& word : words)
+    EXPECT_NE(message.find(word), std::string::npos) << "no \"" << word << "\" in: " << message;
 }
 
 /// The message for a setup with one thing changed.
@@ -49,7 +50,8 @@ TEST(Refusals, NameNumbersOutOfRange) {
   expect_says(refusal([](StepperSetup& s) { s.stepping.limiter = 0; }), {"stepping.limiter = 0", "at least 1"});
   expect_says(refusal([](StepperSetup& s) { s.stepping.tolerance = 0.0; }), {"stepping.tolerance = 0", "above 0"});
   expect_says(refusal([](StepperSetup& s) { s.stepping.tolerance = -1e-4; }), {"stepping.tolerance = -0.0001"});
-  expect_says(refusal([](StepperSetup& s) { s.stepping.tolerance = std::numeric_limits<double>::quiet_NaN(); }), {"stepping.tolerance = nan"});
+  expect_says(refusal([](StepperSetup& s) { s.stepping.tolerance = std::numeric_limits<double>::quiet_NaN(); }),
+              {"stepping.tolerance = nan"});
   expect_says(refusal([](StepperSetup& s) { s.stepping.step.reset(); }), {"step"});
   expect_says(refusal([](StepperSetup& s) { s.stepping.step = 0.0; }), {"step"});
 }

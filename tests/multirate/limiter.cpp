@@ -19,7 +19,8 @@ struct Graph {
   /// The limited levels.
   std::vector<Level> limited(int difference, std::size_t* demotions = nullptr) const {
     std::vector<Level> out = level;
-    const std::size_t n = limit_levels(std::span<Level>(out), span(), i.size(), difference, [&](std::size_t p) { return active[p] != 0; });
+    const std::size_t n =
+        limit_levels(std::span<Level>(out), span(), i.size(), difference, [&](std::size_t p) { return active[p] != 0; });
     if (demotions != nullptr) *demotions = n;
     return out;
   }

@@ -87,7 +87,8 @@ TEST_P(MomentumOf, RandomCloudsIsExactToRounding) {
         changes += now.level[i] != last[i];
       }
       last = now.level;
-      for (const core::Contact& c : stepper->contacts()) mixed += c.other == Kind::content && level_of(now, c.i) != level_of(now, c.j);
+      for (const core::Contact& c : stepper->contacts())
+        mixed += c.other == Kind::content && level_of(now, c.i) != level_of(now, c.j);
     }
     // The cloud tests what it is meant to test.
     EXPECT_GE(populated.size(), 3U);
@@ -105,8 +106,8 @@ INSTANTIATE_TEST_SUITE_P(AllTerms, MomentumOf,
                                          Terms{true, true, false}, Terms{false, false, true}, Terms{true, false, true},
                                          Terms{true, true, true}),
                          [](const testing::TestParamInfo<Terms>& its) {
-                           return std::string(its.param.events ? "Events" : "NoEvents") + (its.param.tension ? "Tension" : "") +
-                                  (its.param.cohesion ? "Cohesion" : "");
+                           return std::string(its.param.events ? "Events" : "NoEvents") +
+                                  (its.param.tension ? "Tension" : "") + (its.param.cohesion ? "Cohesion" : "");
                          });
 
 TEST(Momentum, OfAFlowingSiloIsExactWhileBallsLeave) {
@@ -117,7 +118,8 @@ TEST(Momentum, OfAFlowingSiloIsExactWhileBallsLeave) {
     const core::Energies before = stepper->energies();
     for (int k = 0; k < 300; ++k) {
       stepper->advance(1 + k % 3);
-      ASSERT_LE(core::momentum_residual(before, stepper->energies(), stepper->ledger()), 1e-12) << "step " << stepper->steps_done();
+      ASSERT_LE(core::momentum_residual(before, stepper->energies(), stepper->ledger()), 1e-12)
+          << "step " << stepper->steps_done();
     }
     EXPECT_GT(stepper->ledger().discharged, 3);
     EXPECT_EQ(stepper->costs().missed_contacts, 0U);

@@ -16,7 +16,7 @@ using core::Kind;
 using core::State;
 using core::Vec3;
 
-constexpr double kRadius = 0.1;          // m
+constexpr double kRadius = 0.1;                                                             // m
 constexpr double kUnitMass = 3.0 / (4.0 * std::numbers::pi * kRadius * kRadius * kRadius);  // kg/m3, for balls of 1 kg
 
 std::vector<int> levels_of(const core::Stepper& stepper) {
@@ -166,8 +166,8 @@ TEST(Interfaces, UndampedChainsGrowWeakly) {
     growth[k] = std::log(energy[1] / energy[0]) / (step * (k == 0 ? 800 : 5000));
   }
   EXPECT_GT(growth[0] * 100.0 * 2.0 * std::numbers::pi / std::sqrt(Chain::kStiffness), 1.0);  // visible within 100 periods
-  EXPECT_GT(growth[0] / growth[1], 4.0);   // faster than h2
-  EXPECT_LT(growth[0] / growth[1], 32.0);  // slower than h5
+  EXPECT_GT(growth[0] / growth[1], 4.0);                                                      // faster than h2
+  EXPECT_LT(growth[0] / growth[1], 32.0);                                                     // slower than h5
 }
 
 TEST(Interfaces, UndampedChainsOnOneLevelDoNotGrow) {

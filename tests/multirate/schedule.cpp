@@ -18,19 +18,19 @@ Action kick(std::int64_t tick, Level level) { return {Action::Kind::kick, Tick{t
 using Actions = std::vector<Action>;
 
 TEST(Schedule, ThreeLevelsFollowTheHandWrittenList) {
-  EXPECT_EQ(dry_run(0, 2), (Actions{
-                               drift(1, 0), evaluate(1, 0), kick(1, 0),                                //
-                               drift(2, 0), drift(2, 1), evaluate(2, 0), evaluate(2, 1), kick(2, 1),   //
-                               drift(3, 0), evaluate(3, 0), kick(3, 0),                                //
-                               drift(4, 0), drift(4, 1), drift(4, 2), evaluate(4, 0), evaluate(4, 1), evaluate(4, 2), kick(4, 2)}));
+  EXPECT_EQ(dry_run(0, 2),
+            (Actions{drift(1, 0), evaluate(1, 0), kick(1, 0),                               //
+                     drift(2, 0), drift(2, 1), evaluate(2, 0), evaluate(2, 1), kick(2, 1),  //
+                     drift(3, 0), evaluate(3, 0), kick(3, 0),                               //
+                     drift(4, 0), drift(4, 1), drift(4, 2), evaluate(4, 0), evaluate(4, 1), evaluate(4, 2), kick(4, 2)}));
 }
 
 TEST(Schedule, TicksAtWhichNothingHappensArePassedOver) {
-  EXPECT_EQ(dry_run(1, 3), (Actions{
-                               drift(2, 1), evaluate(2, 1), kick(2, 1),                                //
-                               drift(4, 1), drift(4, 2), evaluate(4, 1), evaluate(4, 2), kick(4, 2),   //
-                               drift(6, 1), evaluate(6, 1), kick(6, 1),                                //
-                               drift(8, 1), drift(8, 2), drift(8, 3), evaluate(8, 1), evaluate(8, 2), evaluate(8, 3), kick(8, 3)}));
+  EXPECT_EQ(dry_run(1, 3),
+            (Actions{drift(2, 1), evaluate(2, 1), kick(2, 1),                               //
+                     drift(4, 1), drift(4, 2), evaluate(4, 1), evaluate(4, 2), kick(4, 2),  //
+                     drift(6, 1), evaluate(6, 1), kick(6, 1),                               //
+                     drift(8, 1), drift(8, 2), drift(8, 3), evaluate(8, 1), evaluate(8, 2), evaluate(8, 3), kick(8, 3)}));
   EXPECT_EQ(dry_run(3, 3), (Actions{drift(8, 3), evaluate(8, 3), kick(8, 3)}));
 }
 

@@ -32,7 +32,8 @@ TEST(TimeLine, CoarsestActiveIsTheLastLevelThatEnds) {
 
 TEST(TimeLine, EachLevelDoublesTheOneBelow) {
   EXPECT_EQ(ticks_of(0), 1);
-  for (Level level = 1; level < kMostLevels; ++level) EXPECT_EQ(ticks_of(level), 2 * ticks_of(static_cast<Level>(level - 1)));
+  for (Level level = 1; level < kMostLevels; ++level)
+    EXPECT_EQ(ticks_of(level), 2 * ticks_of(static_cast<Level>(level - 1)));
 }
 
 }  // namespace

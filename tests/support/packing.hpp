@@ -83,8 +83,8 @@ inline void expect_same_bits(const core::State& a, const core::State& b) {
   for (std::size_t i = 0; i < a.size(); ++i) {
     if (a.position[i] == b.position[i] && a.velocity[i] == b.velocity[i]) continue;
     if (different++ == 0) {
-      ADD_FAILURE() << "ball " << a.id[i] << ": " << a.position[i].transpose() << " or " << b.position[i].transpose() << " m, "
-                    << a.velocity[i].transpose() << " or " << b.velocity[i].transpose() << " m/s";
+      ADD_FAILURE() << "ball " << a.id[i] << ": " << a.position[i].transpose() << " or " << b.position[i].transpose()
+                    << " m, " << a.velocity[i].transpose() << " or " << b.velocity[i].transpose() << " m/s";
     }
   }
   EXPECT_EQ(different, 0U) << "of " << a.size() << " balls";
