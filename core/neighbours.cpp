@@ -76,8 +76,6 @@ double all_but_few(std::vector<double>& values, std::size_t few) {
   return *nth;
 }
 
-bool is_finite(const BallRow& row) { return std::isfinite(row.x) && std::isfinite(row.y) && std::isfinite(row.z); }
-
 }  // namespace
 
 void PairList::clear() {
@@ -122,9 +120,10 @@ std::vector<std::uint32_t> NeighbourList::build(Balls& balls, const std::vector<
     high = high.cwiseMax(x);
   };
   for (const std::uint32_t i : kept) {
-    if (is_finite(balls.rows[i])) widen(shifted(balls.rows[i]));
+    const Vec3 x = shifted(balls.rows[i]);
+    if (x.allFinite()) widen(x);
   }
-  if (kept.empty()) low = high = Vec3::Zero();
+  if ((low.array() > high.array()).any()) low = high = Vec3::Zero();  // no ball, or none that is finite
   // A cube allows for a skin that all balls but the fastest few have; those look into more cubes.
   std::vector<double> skins;
   skins.reserve(kept.size());
