@@ -55,11 +55,11 @@ class UniformStepper final : public BallStepper {
       }
       if (setup_.first_impact) note_impacts();
       move(Advance::close);
-      if (scheme_ == Integrator::pece) evaluate_again();
       finish_step();
-      if (setup_.first_impact && !first_hit_.empty()) {
-        // The dashpots' forces change with the velocities: the next step opens with new ones.
-        stop_first_impacts();
+      const bool stopped = setup_.first_impact && !first_hit_.empty();
+      if (stopped) stop_first_impacts();
+      if (stopped || scheme_ == Integrator::pece) {
+        // The dashpots' forces change with the velocities: the next step opens with new ones, and books those.
         evaluate_again();
         previous_ = {ball_totals_, fixed_totals_};
       }
