@@ -53,7 +53,8 @@ class BallStepper : public Stepper {
   /// Books `weight` seconds of the powers and wall forces of an evaluation.
   void book(const SweepTotals& ball_totals, const SweepTotals& fixed_totals, double weight);
   /// Adds the events' dissipation and impulses to the ledger and moves the balls by the position corrections.
-  /// `force(row)` is the force sum [N] on the ball at its present position: it says what energy a move costs.
+  /// `force(row)` is the force sum [N] that opened the ball's step: it says what energy a move costs, without the
+  /// dashpots of contacts that began within the step.
   template <class Force>
   void apply_position_corrections(const EventBook& book, Force force);
   void book_gravity(double seconds) { ledger_.gravity_impulse += seconds * weight_; }

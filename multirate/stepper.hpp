@@ -11,7 +11,7 @@ constexpr int kRenewEvery = 6;
 /// Throws InputError where a key combination is not offered (names the key and what is).
 std::unique_ptr<core::Stepper> make_multirate_stepper(const core::State& state, const core::StepperSetup& setup);
 
-/// The stepper that `setup.stepping.method` asks for (and, with fallback, the cheaper one).
+/// The stepper that `setup.stepping.method` asks for.
 std::unique_ptr<core::Stepper> make_stepper(const core::State& state, const core::StepperSetup& setup);
 
 /// Coarsest step [s] for stepping without a given `step`, from the stability of the state.

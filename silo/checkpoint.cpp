@@ -28,6 +28,7 @@ void each_field(P& p, Visit visit) {
   visit("frames", p.frames);
   visit("phase_start", p.phase_start);
   visit("step", p.step);
+  visit("fell_back", p.fell_back);
   visit("first_collar", p.first_collar);
   visit("slow_since", p.watch.slow_since);
   visit("rest_since", p.watch.rest_since);

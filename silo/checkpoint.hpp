@@ -21,6 +21,7 @@ struct Position {
   std::int64_t frames = 0;         // recorded until now
   double phase_start = 0.0;        // s
   double step = 0.0;               // s, the phase's coarsest step
+  std::int64_t fell_back = 0;      // 1: this phase steps uniformly though its scene says multirate
   core::BallId first_collar = -1;  // of the filling, -1: none, or taken away
   Watch watch;
   MeanBall mean;                   // at the phase's start

@@ -3,6 +3,7 @@
 #include "core/check.hpp"
 #include "core/critical_step.hpp"
 #include "core/snapshot.hpp"
+#include "multirate/cost_model.hpp"
 #include "multirate/stepper.hpp"
 #include "silo/filling.hpp"
 
@@ -57,6 +58,13 @@ StepperSetup phase_setup(const Scene& scene, const Phase& phase, const State& st
                                 core::critical_step_of_pair(setup.materials.wall, 1.0 / mass, phase.stepping.integrator));
   }
   setup.stepping.step = core::step_for(phase.every, wanted).step;
+  if (setup.stepping.method == core::Method::multirate && setup.stepping.fallback) {
+    const multirate::Prediction prediction = multirate::predict(state, setup);
+    if (prediction.gain <= 1.0) {
+      setup.stepping.method = core::Method::uniform;
+      if (!prediction.step.empty()) setup.stepping.step = core::step_for(phase.every, prediction.step.front()).step;
+    }
+  }
   return setup;
 }
 

@@ -21,7 +21,8 @@ Start start_of(const core::Scene& scene);
 /// The state as a new phase sees it: nothing is left of how it was stepped.
 core::State fresh(core::State state);
 
-/// The setup of a phase that begins with this state; its step is `every` over a whole number. Throws InputError.
+/// The setup of a phase that begins with this state; its step is `every` over a whole number. With fallback its method
+/// is uniform where selective steps are not predicted to pay. Throws InputError.
 core::StepperSetup phase_setup(const core::Scene& scene, const core::Phase& phase, const core::State& state, int threads);
 
 /// Mean over the content: radius [m], and mass [kg] of a ball of that radius.

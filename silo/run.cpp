@@ -84,6 +84,7 @@ class Run {
   void go_on(const Checkpoint& checkpoint) {
     at_ = checkpoint.position;
     StepperSetup setup = setup_of(phase(), checkpoint.state);
+    setup.stepping.method = at_.fell_back != 0 ? core::Method::uniform : phase().stepping.method;
     setup.stepping.step = at_.step;
     setup.steps_done = at_.steps;
     setup.ledger = at_.ledger;
@@ -136,6 +137,7 @@ class Run {
     }
     stepper_ = multirate::make_stepper(state, setup);
     at_.step = *setup.stepping.step;
+    at_.fell_back = setup.stepping.method != phase().stepping.method ? 1 : 0;
     at_.steps = 0;
     at_.mean = mean_ball(state, setup.materials);
     const std::int64_t discharged = stepper_->ledger().discharged;
@@ -146,6 +148,9 @@ class Run {
     critical_step_ = bounds.smallest;
     fmt::print("\nphase {} of {}, from {:.6g} s\n{}", at_.phase + 1, scene_.phases.size(), at_.phase_start,
                report.text(2));
+    if (at_.fell_back != 0) {
+      fmt::print("  selective steps would not pay here: uniform steps of {:.4g} s instead (stepping.fallback)\n", at_.step);
+    }
     std::fflush(stdout);
   }
 

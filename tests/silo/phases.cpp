@@ -87,6 +87,27 @@ TEST(PhaseSetup, StepWithoutContactsIsThatOfTheStiffestContactToCome) {
   EXPECT_EQ(phase_setup(scene, phase, state, 1).stepping.step, 0.025);  // every over a whole number
 }
 
+TEST(PhaseSetup, FallsBackToUniformStepsOnlyWhereSelectiveOnesDoNotPay) {
+  core::Scene scene;
+  Phase phase;
+  phase.every = 0.1;
+  phase.stepping.fallback = true;
+  phase.stepping.levels = 1;
+  core::State pair;  // one contact at one level: nothing to select
+  pair.add(0, core::Kind::content, core::Vec3(0, 0, 0), core::Vec3::Zero(), 0.22);
+  pair.add(1, core::Kind::content, core::Vec3(0.4399, 0, 0), core::Vec3::Zero(), 0.22);
+  EXPECT_EQ(phase_setup(scene, phase, pair, 1).stepping.method, core::Method::uniform);
+  phase.stepping.fallback = false;
+  EXPECT_EQ(phase_setup(scene, phase, pair, 1).stepping.method, core::Method::multirate);
+  phase.stepping.fallback = true;
+  phase.stepping.levels = 8;
+  core::State mixed = pair;  // a third ball far away presses on a stiff wall ball: it alone steps finely
+  mixed.add(2, core::Kind::content, core::Vec3(5, 0, 0), core::Vec3::Zero(), 0.22);
+  mixed.add(3, core::Kind::wall, core::Vec3(5, 0, -0.43999), core::Vec3::Zero(), 0.22);
+  mixed.add(4, core::Kind::content, core::Vec3(0.8798, 0, 0), core::Vec3::Zero(), 0.22);
+  EXPECT_EQ(phase_setup(scene, phase, mixed, 1).stepping.method, core::Method::multirate);
+}
+
 Checkpoint some_checkpoint() {
   Checkpoint checkpoint;
   checkpoint.state.time = 1.0 / 3.0;
