@@ -47,9 +47,9 @@ Collision integrate(const PairLaw& law, bool tension) {
   }
 }
 
-class CollisionOf : public testing::TestWithParam<double> {};
+class RestitutionOf : public testing::TestWithParam<double> {};
 
-TEST_P(CollisionOf, ForceZeroEndingAgreesWithIntegratedLaw) {
+TEST_P(RestitutionOf, ForceZeroEndingAgreesWithIntegratedLaw) {
   const PairLaw law = law_of_ratio(GetParam());
   const Collision expected = integrate(law, false);
   // The kink at the clamp costs the integration h^2 = 1e-10 in speed, the end of the force is known to h = 1e-5.
@@ -58,14 +58,14 @@ TEST_P(CollisionOf, ForceZeroEndingAgreesWithIntegratedLaw) {
   EXPECT_NEAR(collision_time(law, kMass, false) / scale, expected.force_time / scale, 2e-5);
 }
 
-TEST_P(CollisionOf, DashpotInvertsRestitutionAtForceZero) {
+TEST_P(RestitutionOf, DashpotInvertsRestitutionAtForceZero) {
   const PairLaw law = law_of_ratio(GetParam());
   const double e = restitution(law, kMass, false);
   // Rounding of e, amplified by d(ln z)/d(ln e) <= 1 / (2 z) for small z.
   EXPECT_NEAR(dashpot_for_restitution(law.k, kMass, e, false) / law.c, 1.0, 1e-14 / std::min(1.0, GetParam()));
 }
 
-INSTANTIATE_TEST_SUITE_P(DampingRatios, CollisionOf, testing::Values(0.02, 0.3, 0.6, 0.999999, 1.0, 1.000001, 1.5, 5.0));
+INSTANTIATE_TEST_SUITE_P(DampingRatios, RestitutionOf, testing::Values(0.02, 0.3, 0.6, 0.999999, 1.0, 1.000001, 1.5, 5.0));
 
 class UnderdampedOf : public testing::TestWithParam<double> {};
 
