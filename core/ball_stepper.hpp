@@ -53,8 +53,8 @@ class BallStepper : public Stepper {
   /// Books `weight` seconds of the powers and wall forces of an evaluation.
   void book(const SweepTotals& ball_totals, const SweepTotals& fixed_totals, double weight);
   /// Adds the events' dissipation and impulses to the ledger and moves the balls by the position corrections.
-  /// `force(row)` is the force sum [N] that opened the ball's step: it says what energy a move costs, without the
-  /// dashpots of contacts that began within the step.
+  /// `force(row)` is the force sum [N] on the ball at its present position; without
+  /// the dampers of the contacts at issue it says what energy a move costs.
   template <class Force>
   void apply_position_corrections(const EventBook& book, Force force);
   void book_gravity(double seconds) { ledger_.gravity_impulse += seconds * weight_; }
@@ -96,7 +96,9 @@ void BallStepper::apply_position_corrections(const EventBook& book, Force force)
     row.x += move.x();
     row.y += move.y();
     row.z += move.z();
-    const Vec3 pull = force(shift.row) + mass(shift.row) * setup_.gravity;
+    const Vec3 damping = scale_.unit * Vec3(static_cast<double>(shift.damping[0]), static_cast<double>(shift.damping[1]),
+                                            static_cast<double>(shift.damping[2]));
+    const Vec3 pull = force(shift.row) - damping + mass(shift.row) * setup_.gravity;
     work -= std::llround(pull.dot(move) / book.energy_unit());
   }
   ledger_.event_work += static_cast<double>(work) * book.energy_unit();

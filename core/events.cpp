@@ -125,8 +125,10 @@ void EventBook::examine_pair(const BallRow& a, const BallRow& b, std::uint32_t i
   };
   // Both balls have come along parabolas, so the start of the step is known without having been stored.
   const Approach start = approach(x - h * v + (0.5 * h * h) * bend, v - h * bend);
-  const EventCorrection found = event_correction(law.law, start, approach(x, v), h);
+  const Approach end = approach(x, v);
+  const EventCorrection found = event_correction(law.law, start, end, h);
   if (!found.is_event) return;
+  const double damping = contact_force(law.law, end.overlap, end.rate) - std::max(0.0, law.law.k * end.overlap);
   const Vec3 normal = x / x.norm();
   Entry entry{};
   entry.i = i;
@@ -135,6 +137,7 @@ void EventBook::examine_pair(const BallRow& a, const BallRow& b, std::uint32_t i
   for (int k = 0; k < 3; ++k) {
     entry.impulse[k] = std::llround(found.impulse * normal[k] / impulse_unit());
     entry.displacement[k] = std::llround(found.displacement * normal[k] / displacement_unit());
+    entry.damping[k] = std::llround(damping * normal[k] / scale_.unit);
   }
   entry.dissipated = std::llround(found.dissipated / energy_unit());
   entry.magnitude = std::llround(std::abs(found.impulse) / energy_unit());
@@ -144,14 +147,18 @@ void EventBook::examine_pair(const BallRow& a, const BallRow& b, std::uint32_t i
 std::vector<Shift> shifts(const std::vector<EventBook::Entry>& entries) {
   std::vector<Shift> sums;
   for (const EventBook::Entry& e : entries) {
-    sums.push_back({e.i, {e.displacement[0], e.displacement[1], e.displacement[2]}});
-    if (e.both) sums.push_back({e.j, {-e.displacement[0], -e.displacement[1], -e.displacement[2]}});
+    sums.push_back({e.i, {e.displacement[0], e.displacement[1], e.displacement[2]}, {e.damping[0], e.damping[1], e.damping[2]}});
+    if (!e.both) continue;
+    sums.push_back({e.j, {-e.displacement[0], -e.displacement[1], -e.displacement[2]}, {-e.damping[0], -e.damping[1], -e.damping[2]}});
   }
   std::sort(sums.begin(), sums.end(), [](const Shift& a, const Shift& b) { return a.row < b.row; });
   std::size_t last = 0;
   for (std::size_t k = 1; k < sums.size(); ++k) {
     if (sums[k].row == sums[last].row) {
-      for (int axis = 0; axis < 3; ++axis) sums[last].displacement[axis] += sums[k].displacement[axis];
+      for (int axis = 0; axis < 3; ++axis) {
+        sums[last].displacement[axis] += sums[k].displacement[axis];
+        sums[last].damping[axis] += sums[k].damping[axis];
+      }
     } else {
       sums[++last] = sums[k];
     }

@@ -40,6 +40,7 @@ class EventBook {
     std::uint32_t i, j;             // rows
     std::int64_t impulse[3];        // force units * half ticks, on i
     std::int64_t displacement[3];   // force units * half ticks squared, on i
+    std::int64_t damping[3];        // force units, on i, at the end of the step: what of the force is not the spring's
     std::int64_t dissipated;        // total units * half ticks
     std::int64_t magnitude;         // total units * half ticks
     bool both;                      // j is content
@@ -73,12 +74,13 @@ class EventBook {
   std::vector<Entry> entries_;
 };
 
-/// Sums of position corrections per ball, in order of row.
+/// Sums of position corrections and damping forces per ball, in order of row; units as in EventBook::Entry.
 struct Shift {
   std::uint32_t row;
   std::int64_t displacement[3];
+  std::int64_t damping[3];
 };
-/// Adds up the displacements of all entries, each ball once.
+/// Adds up the entries of each ball.
 std::vector<Shift> shifts(const std::vector<EventBook::Entry>& entries);
 
 }  // namespace grainclock::core

@@ -173,7 +173,7 @@ class UniformStepper final : public BallStepper {
       event_book_.examine(balls_.rows, list_.fixed_pairs().span(), found.fixed, law(true, step_), step_of, acceleration);
     }
     if (event_book_.entries().empty()) return;
-    apply_position_corrections(event_book_, [this](std::uint32_t row) { return newtons(opening_[row]); });
+    apply_position_corrections(event_book_, [this](std::uint32_t row) { return newtons(total_force(row)); });
     // The closing velocity is v_p + (sum - opening) h / 2m: an impulse is one more term of it.
     for (const EventBook::Entry& e : event_book_.entries()) {
       for (int k = 0; k < 3; ++k) {

@@ -132,7 +132,7 @@ class MultirateStepper final : public core::BallStepper {
             }
             break;
           case Action::Kind::kick:
-            apply_events();
+            apply_events(action.level);
             kick(action.level);
             break;
         }
@@ -209,7 +209,7 @@ class MultirateStepper final : public core::BallStepper {
                         [this](std::uint32_t row) { return path_acceleration(row, paths_[row].opening); });
   }
 
-  void apply_events() {
+  void apply_events(Level active) {
     if (event_book_.entries().empty()) return;
     for (const core::EventBook::Entry& e : event_book_.entries()) {
       for (int k = 0; k < 3; ++k) {
@@ -217,7 +217,10 @@ class MultirateStepper final : public core::BallStepper {
         if (e.both) balance_[e.j].v[k] -= e.impulse[k];
       }
     }
-    apply_position_corrections(event_book_, [this](std::uint32_t row) { return newtons(paths_[row].opening); });
+    // Only a ball whose step ends now has all its forces evaluated.
+    apply_position_corrections(event_book_, [&](std::uint32_t row) {
+      return newtons(level_[row] <= active ? total_force(row) : paths_[row].opening);
+    });
     event_book_.clear();
   }
 
@@ -397,17 +400,9 @@ class MultirateStepper final : public core::BallStepper {
       books_[fixed].level.assign((fixed ? list_.fixed_pairs() : list_.ball_pairs()).count, 0);
     }
     sum_records();
-    const auto force = [&](std::uint32_t row) {
-      IntVec sum;
-      for (int t = 0; t < threads_; ++t) {
-        const IntVec& part = sums_[static_cast<std::size_t>(t) * stride() + row].force;
-        for (int k = 0; k < 3; ++k) sum.v[k] += part.v[k];
-      }
-      return sum;
-    };
     for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
       core::Path& path = paths_[row];
-      path.opening = force(row);
+      path.opening = total_force(row);
       path.inverse_mass = balls_.inverse_mass[row];
       const double inertia = scale_.unit * path.inverse_mass;  // as the kernels do it
       double* a[3] = {&path.ax, &path.ay, &path.az};
@@ -597,6 +592,15 @@ class MultirateStepper final : public core::BallStepper {
     sums_.assign(static_cast<std::size_t>(threads_) * stride(), core::WeightedSum{});
   }
   std::vector<std::uint8_t> levels() const override { return level_; }
+  /// The force sum of a ball whose contacts have all been evaluated.
+  IntVec total_force(std::uint32_t row) const {
+    IntVec sum;
+    for (int t = 0; t < threads_; ++t) {
+      const IntVec& part = sums_[static_cast<std::size_t>(t) * stride() + row].force;
+      for (int k = 0; k < 3; ++k) sum.v[k] += part.v[k];
+    }
+    return sum;
+  }
   /// Force sums per thread: the content and the far row.
   std::size_t stride() const { return balls_.content_count() + std::size_t{1}; }
 
