@@ -206,7 +206,8 @@ TEST_P(LedgerOf, PileClosesInEnergyWithTheSchemesOrderAndInMomentumExactly) {
 INSTANTIATE_TEST_SUITE_P(All, LedgerOf, testing::ValuesIn(piles()), [](const auto& tested) { return tested.param.name; });
 
 TEST(Ledger, UndampedImpactsCloseToFourthOrder) {
-  // Without dashpot every error of second order is conservative: what is left is (w h)^4 = 4e-5 times a twentieth.
+  // Without dashpot every error of second order is conservative. What is left at 40 steps per collision, rms over the
+  // phase of the impact, is 6e-7; without the booked work of position corrections it would be 1.5e-6.
   std::vector<double> step, residual;
   for (const int steps : {40, 80, 160}) {
     Rms rms;
@@ -224,11 +225,11 @@ TEST(Ledger, UndampedImpactsCloseToFourthOrder) {
     step.push_back(1.0 / steps);
     residual.push_back(rms.value());
   }
-  EXPECT_LT(residual[0], 4e-6);
+  EXPECT_LT(residual[0], 1e-6);
   EXPECT_NEAR(tests::fitted_order(step, residual), 4.0, 0.2);
 }
 
-TEST(Ledger, PositionCorrectionIsAppliedAndItsWorkAgainstGravityBooked) {
+TEST(Ledger, PositionCorrectionIsAppliedAndItsWorkBooked) {
   // A ball that touches the wall ball below it within the step: until then it fell freely.
   const Materials materials;
   const double h = 1e-4, m = materials.mass(0.2), g = 9.81;
@@ -247,7 +248,8 @@ TEST(Ledger, PositionCorrectionIsAppliedAndItsWorkAgainstGravityBooked) {
   // Rounding of positions, and k / m of that within the step for velocities.
   EXPECT_NEAR(end.overlap, free.overlap - lift, 1e-15);
   EXPECT_NEAR(end.rate, free.rate - (0.5 * h * f1 + found.impulse) / m, 1e-11);
-  EXPECT_NEAR(stepper->ledger().event_work / (m * g * lift), 1.0, 1e-9);
+  // Against gravity, and with the spring; what the dashpot does is not energy of a position. Rounding of the overlap in k.
+  EXPECT_NEAR(stepper->ledger().event_work / ((m * g - law.k * free.overlap) * lift), 1.0, 1e-9);
   EXPECT_NEAR(stepper->ledger().wall_impulse.dot(up) / (0.5 * h * f1 + found.impulse), 1.0, 1e-9);
 }
 
