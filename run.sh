@@ -70,6 +70,14 @@ for seed in $seeds; do
     mv "$work/run/final.h5" "$cached"
     rm -rf "$work"
   fi
+  # The same scene gives the same state to the bit; another compiler or mathematics library may not.
+  sum=$("$program" info "$cached" | sed -n 's/^checksum: //p')
+  known=$(sed -n "s/^$name $seed //p" benchmarks/start-states.txt)
+  if [ -z "$known" ] || [ "$sum" = "$known" ]; then
+    echo "start state $name, seed $seed: checksum $sum${known:+, as recorded}"
+  else
+    echo "start state $name, seed $seed: checksum $sum, recorded is $known: figures may differ a little from the README's"
+  fi
   beside=silo/scenes/$name-flow.h5
   [ "$seed" = 1 ] || beside=silo/scenes/$name-flow-seed$seed.h5
   cp "$cached" "$beside.part"

@@ -131,11 +131,17 @@ State BallStepper::state() const {
 }
 
 std::vector<Contact> BallStepper::contacts() const {
+  return contacts_where([](std::uint32_t, std::uint32_t) { return true; });
+}
+
+template <class Counts>
+std::vector<Contact> BallStepper::contacts_where(Counts counts) const {
   std::vector<Contact> out;
   for (const bool fixed : {false, true}) {
     const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
     const ContactLaw its = law(fixed, 0.0).law;
     for (std::size_t p = 0; p < pairs.count; ++p) {
+      if (!counts(pairs.i[p], pairs.j[p])) continue;
       const BallRow& a = balls_.rows[pairs.i[p]];
       const BallRow& b = balls_.rows[pairs.j[p]];
       const Vec3 d = position(a) - position(b);
@@ -204,18 +210,19 @@ std::vector<std::uint8_t> BallStepper::find_leaving() {
   }
   if (leaving.empty()) return leaving;
   // In order of id, so that the sums do not depend on the sort in space.
-  std::vector<BallId> gone;
-  for (const std::uint32_t row : by_id(balls_)) {
-    if (leaving[row] == 0) continue;
+  std::vector<std::uint32_t> gone;
+  for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
+    if (leaving[row] != 0) gone.push_back(row);
+  }
+  std::sort(gone.begin(), gone.end(), [&](std::uint32_t a, std::uint32_t b) { return balls_.id[a] < balls_.id[b]; });
+  for (const std::uint32_t row : gone) {
     const BallRow& r = balls_.rows[row];
-    gone.push_back(balls_.id[row]);
     ++ledger_.discharged;
     ledger_.removed_momentum += mass(row) * velocity(r);
     ledger_.removed_energy += mass(row) * (0.5 * velocity(r).squaredNorm() - setup_.gravity.dot(position(r)));
   }
-  const auto leaves = [&](BallId id) { return std::binary_search(gone.begin(), gone.end(), id); };
-  for (const Contact& c : contacts()) {
-    if (!leaves(c.i) && !leaves(c.j)) continue;
+  const auto leaves = [&](std::uint32_t row) { return row < balls_.content_count() && leaving[row] != 0; };
+  for (const Contact& c : contacts_where([&](std::uint32_t i, std::uint32_t j) { return leaves(i) || leaves(j); })) {
     ledger_.removed_energy += elastic_energy(law(c.other != Kind::content, 0.0).law, c.overlap);
   }
   return leaving;

@@ -75,6 +75,9 @@ class BallStepper : public Stepper {
   virtual std::vector<std::uint8_t> levels() const { return {}; }
 
  private:
+  /// Contacts of the pairs of rows for which counts(i, j), in order of ids.
+  template <class Counts>
+  std::vector<Contact> contacts_where(Counts counts) const;
   void book_events(const EventBook& book);
   void weigh();
 

@@ -36,25 +36,28 @@ class Classes {
   double fixed_weight_;
 };
 
-/// A sum of scaled n n^T in integers, so that its order does not matter: xx, yy, zz, xy, xz, yz.
-struct alignas(32) NormalMatrix {
-  std::int32_t entry[8] = {0, 0, 0, 0, 0, 0, 0, 0};
+/// A sum of scaled n n^T in whole numbers, exact in any order: xx, yy, zz, xy, xz, yz.
+struct NormalMatrix {
+  double entry[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
 
+  /// `scale` up to 2^33.
   static NormalMatrix of(double x, double y, double z, double scale) {
-    const auto whole = [scale](double a) { return static_cast<std::int32_t>(scale * a); };
-    return {{whole(x * x), whole(y * y), whole(z * z), whole(x * y), whole(x * z), whole(y * z), 0, 0}};
+    // Adding and taking away 1.5 * 2^52 rounds to a whole number.
+    const auto whole = [](double a) { return (a + 6755399441055744.0) - 6755399441055744.0; };
+    const double sx = scale * x, sy = scale * y, sz = scale * z;
+    return {{whole(sx * x), whole(sy * y), whole(sz * z), whole(sx * y), whole(sx * z), whole(sy * z)}};
   }
   NormalMatrix& operator+=(const NormalMatrix& other) {
-    for (int k = 0; k < 8; ++k) entry[k] += other.entry[k];
+    for (int k = 0; k < 6; ++k) entry[k] += other.entry[k];
     return *this;
   }
 };
 /// Sum over a ball's contacts of (1/m_i + 1/m_j) n n^T, relative to the largest 1/m, for contacts among balls and with
-/// fixed balls apart. 31 bits hold 128 contacts.
+/// fixed balls apart. 53 bits hold a million contacts.
 struct ContactMatrix {
   NormalMatrix ball, fixed;
 };
-constexpr double kMatrixUnit = 1.0 / (1 << 22);
+constexpr double kMatrixUnit = 1.0 / 4294967296.0;  // 2^-32
 
 /// Whether a step h [s] keeps every eigenvalue of sum (h2 k + 4 h c)(1/m_i + 1/m_j) n n^T below 4 (the predicted
 /// scheme's bound, core/critical_step.hpp), by the signs of the leading minors of 4 - M.
