@@ -19,7 +19,7 @@ if(CMAKE_SCRIPT_MODE_FILE)
       endif()
     endif()
   endif()
-  configure_file(${source}/cmake/provenance.hpp.in ${header} @ONLY)
+  configure_file(${source}/silo/provenance.hpp.in ${header} @ONLY)
   return()
 endif()
 
