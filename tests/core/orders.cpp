@@ -78,6 +78,40 @@ INSTANTIATE_TEST_SUITE_P(
                     Swing{"LaggedUndamped", Integrator::lagged, 0.0, 2.0}),
     [](const auto& tested) { return tested.param.name; });
 
+TEST(ClosedContact, FollowsTheSchemesRecurrence) {
+  // The schemes as they are defined, on one number: a ball on a wall ball, F = k d + c d'.
+  Materials materials;
+  const double m = materials.mass(kRadius0), k = kStiffness, c = dashpot(k, m, 0.5), pull = 1e3, h = 2e-4;  // w h = 0.1
+  materials.wall = {k, c};
+  materials.tension = true;
+  const double rest = m * pull / k;
+  for (const Integrator integrator : {Integrator::predicted, Integrator::pece, Integrator::lagged}) {
+    StepperSetup setup = tests::weightless(materials, h, integrator);
+    setup.gravity = pull * tests::oblique();
+    const auto stepper = make_uniform_stepper(tests::two_balls(materials, kRadius0, kRadius1, -1.5 * rest, 0.0, Kind::wall), setup);
+    double d = 1.5 * rest, v = 0.0;
+    const auto force = [&](double overlap, double rate) { return pull - (k * overlap + c * rate) / m; };
+    double a = force(d, v);
+    for (int n = 0; n < 50; ++n) {
+      stepper->advance(1);
+      if (integrator == Integrator::lagged) {
+        const double half = v + 0.5 * h * a;
+        d += h * half;
+        a = force(d, half);
+        v = half + 0.5 * h * a;
+      } else {
+        d += h * v + 0.5 * h * h * a;
+        const double end = force(d, v + h * a);
+        v += 0.5 * h * (a + end);
+        a = integrator == Integrator::pece ? force(d, v) : end;
+      }
+      const Approach found = approach(stepper->state());
+      EXPECT_NEAR(found.overlap, d, 1e-14);  // rounding of positions, 50 times
+      EXPECT_NEAR(found.rate, v, 1e-11);     // and w^2 h of that
+    }
+  }
+}
+
 /// Four unequal balls in a dense bowl, pressed together in three dimensions: all contacts stay closed.
 struct Bowl {
   Materials materials;

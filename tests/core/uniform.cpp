@@ -341,6 +341,27 @@ TEST(UniformRemoval, CountsAndBooksWhatLeavesThroughTheOutlet) {
   }
 }
 
+TEST(UniformRemoval, ManyLeavingAtOnceAreBookedAlikeWhateverTheirSort) {
+  // A layer of pressed balls falls through the outlet in one step.
+  tests::Random random(8);
+  State state;
+  for (int i = 0; i < 64; ++i) {
+    state.add(i, Kind::content, {0.43 * (i % 8), 0.43 * (i / 8), 0.002 + random.between(0.0, 1e-5)}, {random.between(-0.1, 0.1), 0.0, -4.0},
+              random.between(0.215, 0.22));
+  }
+  const auto ledger = [&](double skin) {
+    StepperSetup setup = tests::weightless(Materials{}, 1e-3);
+    setup.domain.outlet_z = 0.0;
+    setup.skin = skin;
+    const auto stepper = make_uniform_stepper(state, setup);
+    stepper->advance(1);
+    EXPECT_EQ(stepper->ledger().discharged, 64);
+    return numbers(stepper->ledger());
+  };
+  const std::vector<double> usual = ledger(0.0);
+  for (const double skin : {1e-4, 0.05, 0.2, 0.5}) EXPECT_TRUE(same_bits(ledger(skin), usual)) << skin;
+}
+
 TEST(UniformRemoval, LastBallMayLeave) {
   State state;
   state.add(0, Kind::content, {0.0, 0.0, 0.01}, {0.0, 0.0, -2.0}, 0.2);
