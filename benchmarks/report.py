@@ -219,8 +219,8 @@ def draw_panel(axes, series, looks, quantity, label):
     axes.margins(x=0.2, y=0.1)
 
 
-def draw_gain(axes, found):
-    """The target error as a line; from where two methods cross it, down to an arrow that tells the gain."""
+def draw_gain(axes, found, told):
+    """The target error as a line; from where two methods cross it, down to an arrow; `told`: the gain and its range."""
     axes.axhline(found["error"], color=INK, lw=1, ls=(0, (4, 3)), zorder=2)
     axes.annotate(f"error {short(found['error'])}", (0, found["error"]), xycoords=("axes fraction", "data"), xytext=(4, 3),
                   textcoords="offset points", ha="left", fontsize=8.5)
@@ -228,13 +228,16 @@ def draw_gain(axes, found):
     if not plain:
         return
     bottom = axes.get_ylim()[0]
-    height = bottom * (axes.get_ylim()[1] / bottom) ** 0.05
+    height = bottom * (axes.get_ylim()[1] / bottom) ** 0.07
     for cost in (found["cost"], plain["cost"]):
         axes.plot([cost, cost], [bottom, found["error"]], color=INK, lw=1, ls=(0, (1, 2)), zorder=2)
     axes.annotate("", xy=(found["cost"], height), xytext=(plain["cost"], height),
                   arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 2, "shrinkA": 0, "shrinkB": 0}, zorder=6)
-    axes.annotate(f"{gain_text(plain)} {less_or_more(plain)}", (math.sqrt(found["cost"] * plain["cost"]), height), xytext=(0, 4),
+    gain, spread = told
+    axes.annotate(f"{gain_text(gain)} {less_or_more(gain)}", (math.sqrt(found["cost"] * plain["cost"]), height), xytext=(0, 4),
                   textcoords="offset points", ha="center", va="bottom", fontsize=14, fontweight="bold", zorder=7)
+    axes.annotate(spread.strip(" ()"), (math.sqrt(found["cost"] * plain["cost"]), height), xytext=(0, -4),
+                  textcoords="offset points", ha="center", va="top", fontsize=7.5, color=MUTED, zorder=7)
 
 
 def draw_chart(rows, out):
@@ -249,7 +252,7 @@ def draw_chart(rows, out):
     for axes, (quantity, _) in zip(panels, quantities):
         found = headline(series, quantity)
         if found:
-            draw_gain(axes, found)
+            draw_gain(axes, found, gain_over_starts(rows, quantity, "plain"))
         axes.annotate("better", xy=(0.9, 0.88), xytext=(0.965, 0.97), xycoords="axes fraction", fontsize=10, color=MUTED,
                       arrowprops={"arrowstyle": "-|>", "color": MUTED}, ha="center", va="center")
     panels[0].set_ylabel("rms position error  [relative to rms displacement]")
@@ -264,7 +267,7 @@ def draw_chart(rows, out):
     if found and found["winner"] != found["name"]:
         title = f"{found['winner']} is the cheapest way to error {short(found['error'])}: selective stepping does not pay here"
     elif found and "plain" in found["baselines"]:
-        title = (f"{found['name']}: error {short(found['error'])} with {gain_text(found['baselines']['plain'])} fewer "
+        title = (f"{found['name']}: error {short(found['error'])} with {gain_text(gain_over_starts(rows, 'sweeps', 'plain')[0])} fewer "
                  f"contact evaluations than plain uniform stepping")
     figure.suptitle(title, x=0.065, y=0.97, ha="left", fontsize=14.5, fontweight="bold")
     figure.subplots_adjust(left=0.065, right=0.985, top=0.87, bottom=0.15 if len(labels) <= 6 else 0.18, wspace=0.06)
