@@ -15,7 +15,8 @@ TEST(ContactLaw, SpringForceIsMinusTheSlopeOfElasticEnergy) {
   const ContactLaw law{1e7, 0.0, 0.0, false};
   for (const double overlap : {1e-7, 1e-5, 1e-3, 1e-2}) {
     for (const double rate : {-3.0, 0.0, 3.0}) {
-      const double d = 1e-3 * overlap;  // U is quadratic: the central difference is exact but for rounding of U / d = 1e3 * 1e-16
+      const double d =
+          1e-3 * overlap;  // U is quadratic: the central difference is exact but for rounding of U / d = 1e3 * 1e-16
       const double slope = (elastic_energy(law, overlap + d) - elastic_energy(law, overlap - d)) / (2.0 * d);
       // The overlap falls by as much as the distance grows: F = -dU/dr = dU/d(overlap).
       EXPECT_NEAR(contact_force(law, overlap, rate) / slope, 1.0, 1e-12);

@@ -7,8 +7,8 @@
 #include "tests/support/closed_forms.hpp"
 #include "tests/support/scratch.hpp"
 
-#include <Eigen/Dense>
 #include <gtest/gtest.h>
+#include <Eigen/Dense>
 
 #include <cmath>
 #include <string>
@@ -127,7 +127,8 @@ State packing(bool dense, bool walls, std::uint32_t seed) {
       at.push_back(random.in_cube(0.6));
     }
   }
-  for (int k = 0; k < n; ++k) state.add(k, walls && k % 3 == 2 ? Kind::wall : Kind::content, at[k], Vec3::Zero(), random.between(0.215, 0.225));
+  for (int k = 0; k < n; ++k)
+    state.add(k, walls && k % 3 == 2 ? Kind::wall : Kind::content, at[k], Vec3::Zero(), random.between(0.215, 0.225));
   return state;
 }
 
@@ -223,9 +224,9 @@ TEST(CriticalStep, NamesItsBallAndTellsBulkFromWall) {
   state.add(11, Kind::plug, {0.0, 0.0, 3.0 * d}, Vec3::Zero(), r);
   const double per_mass = 1.0 / materials.mass(r);
   const auto chain = [&](bool wall) {  // one contact among balls, and one with a wall or none
-    return critical_step_of_pair({2.0 * materials.ball.k + (wall ? materials.wall.k : 0.0),
-                                  2.0 * materials.ball.c + (wall ? materials.wall.c : 0.0)},
-                                 per_mass, Integrator::predicted);
+    return critical_step_of_pair(
+        {2.0 * materials.ball.k + (wall ? materials.wall.k : 0.0), 2.0 * materials.ball.c + (wall ? materials.wall.c : 0.0)},
+        per_mass, Integrator::predicted);
   };
   const StepBounds open = critical_steps(state, materials, true, Integrator::predicted);
   ASSERT_EQ(open.per_ball.size(), 3u);

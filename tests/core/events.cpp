@@ -22,7 +22,8 @@ struct Path {
                  d = -u * u * (1.0 - u);
     const double slope = 6.0 * u * (1.0 - u);
     return {a * start.overlap + b * h * start.rate + c * end.overlap + d * h * end.rate,
-            slope * (end.overlap - start.overlap) / h + (1.0 - u) * (1.0 - 3.0 * u) * start.rate + u * (3.0 * u - 2.0) * end.rate};
+            slope * (end.overlap - start.overlap) / h + (1.0 - u) * (1.0 - 3.0 * u) * start.rate +
+                u * (3.0 * u - 2.0) * end.rate};
   }
 };
 
@@ -86,8 +87,12 @@ struct Kindred {
 
 std::vector<Kindred> laws() {
   const double k = 1e9, c = 2e5;
-  return {{"clamp", {k, c, 0.0, false}},       {"tension", {k, c, 0.0, true}},          {"strong", {k, 50.0 * c, 0.0, false}},
-          {"cohesion", {k, c, 2e-5, false}},   {"cohesion with tension", {k, c, 2e-5, true}}, {"undamped", {k, 0.0, 0.0, false}},
+  return {{"clamp", {k, c, 0.0, false}},
+          {"tension", {k, c, 0.0, true}},
+          {"strong", {k, 50.0 * c, 0.0, false}},
+          {"cohesion", {k, c, 2e-5, false}},
+          {"cohesion with tension", {k, c, 2e-5, true}},
+          {"undamped", {k, 0.0, 0.0, false}},
           {"undamped cohesion", {k, 0.0, 2e-5, false}}};
 }
 
@@ -184,7 +189,9 @@ TEST(EventCorrection, MovesWithTheEventContinuously) {
   // A touch at the very start or end of a step is worth what the trapezoid rule misses of the jump c v: -+ h c v / 2.
   const double c = 2e4, v = 1.0, h = kStep;
   const ContactLaw law{1.0, c, 0.0, true};
-  const auto at = [&](double u) { return event_correction(law, {-u * v * h, v}, {(1.0 - u) * v * h, v}, h).impulse / (h * c * v); };
+  const auto at = [&](double u) {
+    return event_correction(law, {-u * v * h, v}, {(1.0 - u) * v * h, v}, h).impulse / (h * c * v);
+  };
   EXPECT_NEAR(at(1e-9), 0.5, 1e-6);
   EXPECT_NEAR(at(0.5), 0.0, 1e-6);
   EXPECT_NEAR(at(1.0 - 1e-9), -0.5, 1e-6);  // k is not quite nothing: 1e-4 / 2e4 of it
@@ -207,7 +214,8 @@ TEST(EventBook, CountsActionAndReactionAndShiftsEachBallOnce) {
   const auto step = [](std::uint32_t) { return kStep; };
   const auto at_rest = [](std::uint32_t) { return Vec3(0.0, 0.0, 0.0); };
   book.examine(balls.rows, {i.data(), j.data(), 2}, both, sweep_law(materials, false, scale, kStep), step, at_rest);
-  book.examine(balls.rows, {fixed_i.data(), fixed_j.data(), 1}, one, sweep_law(materials, true, scale, kStep), step, at_rest);
+  book.examine(balls.rows, {fixed_i.data(), fixed_j.data(), 1}, one, sweep_law(materials, true, scale, kStep), step,
+               at_rest);
   ASSERT_EQ(book.entries().size(), 3u);
   // The touch came a tenth of a step before the end, at 1 m/s head on.
   const EventCorrection expected =
@@ -255,8 +263,10 @@ TEST(EventCandidates, HoldEveryPairThatChangedBranch) {
         const Vec3 n = random.direction(), x = 10.0 * p * Vec3::UnitX();
         const double speed = std::pow(10.0, random.between(-3.0, 1.0));
         state.add(2 * p, Kind::content, x, speed * random.direction(), ra);
-        state.add(2 * p + 1, Kind::content, x - (ra + rb - speed * h * random.between(-2.0, 2.0)) * n, speed * random.direction(), rb);
-        for (int ball = 0; ball < 2; ++ball) acceleration.push_back(std::pow(10.0, random.between(0.0, 5.0)) * random.direction());
+        state.add(2 * p + 1, Kind::content, x - (ra + rb - speed * h * random.between(-2.0, 2.0)) * n,
+                  speed * random.direction(), rb);
+        for (int ball = 0; ball < 2; ++ball)
+          acceleration.push_back(std::pow(10.0, random.between(0.0, 5.0)) * random.direction());
       }
       Balls balls(state, materials, true);
       std::vector<std::uint32_t> i, j, all;

@@ -51,7 +51,8 @@ TEST(ForceField, RefusesWhatIsBeyondTheLimit) {
   std::vector<double> a(3);
   field.acceleration(std::vector<double>{0.0, 0.0, 0.0}, std::vector<double>{0.0, 0.0, 0.0}, a);
   EXPECT_EQ(a[2], -9.81);
-  EXPECT_THROW(field.acceleration(std::vector<double>{0.0, 0.0, -0.2}, std::vector<double>{0.0, 0.0, 0.0}, a), NumericsError);
+  EXPECT_THROW(field.acceleration(std::vector<double>{0.0, 0.0, -0.2}, std::vector<double>{0.0, 0.0, 0.0}, a),
+               NumericsError);
 }
 
 }  // namespace

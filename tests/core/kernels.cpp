@@ -41,8 +41,8 @@ struct Rows {
     State state;
     for (std::uint32_t b = 0; b < kContent + kFixed; ++b) {
       const bool moves = b < kContent;
-      state.add(b, moves ? Kind::content : Kind::wall, random.in_cube(0.9), moves ? random.in_cube(2.0) : Vec3(0.0, 0.0, 0.0),
-                random.between(0.15, 0.3));
+      state.add(b, moves ? Kind::content : Kind::wall, random.in_cube(0.9),
+                moves ? random.in_cube(2.0) : Vec3(0.0, 0.0, 0.0), random.between(0.15, 0.3));
     }
     balls = Balls(state, materials, true);
     for (std::uint32_t row = 0; row < kContent; ++row) balls.rows[row].a = random.between(0.0, 1e4);
@@ -73,15 +73,17 @@ struct Rows {
 };
 
 bool same(const SweepTotals& a, const SweepTotals& b) {
-  return std::equal(a.force, a.force + 3, b.force) && a.magnitude == b.magnitude && a.power == b.power && a.turned == b.turned &&
-         a.overloaded == b.overloaded;
+  return std::equal(a.force, a.force + 3, b.force) && a.magnitude == b.magnitude && a.power == b.power &&
+         a.turned == b.turned && a.overloaded == b.overloaded;
 }
 
 struct Swept {
   std::vector<IntVec> sums;
   SweepTotals totals;
   std::vector<std::uint32_t> candidates;
-  bool operator==(const Swept& o) const { return same_bits(sums, o.sums) && same(totals, o.totals) && candidates == o.candidates; }
+  bool operator==(const Swept& o) const {
+    return same_bits(sums, o.sums) && same(totals, o.totals) && candidates == o.candidates;
+  }
 };
 
 Swept sweep(const Kernels& kernel, const Rows& rows, bool fixed, bool events) {
@@ -89,7 +91,8 @@ Swept sweep(const Kernels& kernel, const Rows& rows, bool fixed, bool events) {
   out.sums.resize(rows.stride());
   out.candidates.resize(rows.pairs(fixed).n + kLanes);
   Candidates candidates{out.candidates.data()};
-  kernel.sweep(rows.balls.rows.data(), rows.pairs(fixed), rows.law(fixed), out.sums.data(), out.totals, events ? &candidates : nullptr);
+  kernel.sweep(rows.balls.rows.data(), rows.pairs(fixed), rows.law(fixed), out.sums.data(), out.totals,
+               events ? &candidates : nullptr);
   out.candidates.resize(candidates.n);
   return out;
 }
@@ -204,10 +207,13 @@ TEST(Kernels, SweepIsTheScalarLawSummedUp) {
       const double tolerance = 1e-13 * scale + law.law.k * 1e-14;
       for (std::size_t row = 0; row < rows.stride(); ++row)
         for (int axis = 0; axis < 3; ++axis)
-          EXPECT_NEAR(static_cast<double>(found.sums[row].v[axis]) / law.per_unit, force[row][axis], tolerance + units / law.per_unit);
+          EXPECT_NEAR(static_cast<double>(found.sums[row].v[axis]) / law.per_unit, force[row][axis],
+                      tolerance + units / law.per_unit);
       for (int axis = 0; axis < 3; ++axis)
-        EXPECT_NEAR(static_cast<double>(found.totals.force[axis]) / law.per_unit, total[axis], 10.0 * tolerance + units / law.per_unit);
-      EXPECT_NEAR(static_cast<double>(found.totals.magnitude) / law.per_total, magnitude, 1e-12 * magnitude + units / law.per_total);
+        EXPECT_NEAR(static_cast<double>(found.totals.force[axis]) / law.per_unit, total[axis],
+                    10.0 * tolerance + units / law.per_unit);
+      EXPECT_NEAR(static_cast<double>(found.totals.magnitude) / law.per_total, magnitude,
+                  1e-12 * magnitude + units / law.per_total);
       EXPECT_NEAR(static_cast<double>(found.totals.power) / law.per_total, power, 1e-12 * turned + units / law.per_total);
       EXPECT_NEAR(static_cast<double>(found.totals.turned) / law.per_total, turned, 1e-12 * turned + units / law.per_total);
       EXPECT_FALSE(found.totals.overloaded);
@@ -282,7 +288,9 @@ TEST(Kernels, RecordedForcesAreSummedAndWeightedAlikeEverywhere) {
     struct Out {
       std::vector<WeightedSum> sums;
       SweepTotals with, without;
-      bool operator==(const Out& o) const { return same_bits(sums, o.sums) && same(with, o.with) && same(without, o.without); }
+      bool operator==(const Out& o) const {
+        return same_bits(sums, o.sums) && same(with, o.with) && same(without, o.without);
+      }
     };
     const auto run = [&](const Kernels& kernel) {
       Out out;
@@ -335,10 +343,18 @@ TEST(Kernels, OverloadIsSeenInEveryLane) {
       const double nan = std::nan("");
       EXPECT_FALSE(overloaded([](BallRow&, BallRow&) {}));
       EXPECT_TRUE(overloaded([&](BallRow& a, BallRow&) { a.x = nan; })) << kernel->name << lane;
-      EXPECT_TRUE(overloaded([&](BallRow& a, BallRow& b) { put_at(a, b, b.r + a.r - 0.001); b.vy = nan; })) << kernel->name << lane;
+      EXPECT_TRUE(overloaded([&](BallRow& a, BallRow& b) {
+        put_at(a, b, b.r + a.r - 0.001);
+        b.vy = nan;
+      })) << kernel->name
+          << lane;
       EXPECT_TRUE(overloaded([&](BallRow& a, BallRow& b) { put_at(a, b, 0.0); })) << kernel->name << lane;
       EXPECT_TRUE(overloaded([&](BallRow& a, BallRow& b) { put_at(a, b, 0.74 * (a.r + b.r)); })) << kernel->name << lane;
-      EXPECT_TRUE(overloaded([&](BallRow& a, BallRow& b) { put_at(a, b, 0.999 * (a.r + b.r)); b.vx = 1e6; })) << kernel->name << lane;
+      EXPECT_TRUE(overloaded([&](BallRow& a, BallRow& b) {
+        put_at(a, b, 0.999 * (a.r + b.r));
+        b.vx = 1e6;
+      })) << kernel->name
+          << lane;
     }
   }
 }
@@ -350,8 +366,8 @@ struct Advanced {
   std::vector<IntVec> sums, opening;
   bool list_unsafe, crossed;
   bool operator==(const Advanced& o) const {
-    return same_bits(rows, o.rows) && same_bits(sums, o.sums) && same_bits(opening, o.opening) && list_unsafe == o.list_unsafe &&
-           crossed == o.crossed;
+    return same_bits(rows, o.rows) && same_bits(sums, o.sums) && same_bits(opening, o.opening) &&
+           list_unsafe == o.list_unsafe && crossed == o.crossed;
   }
 };
 
@@ -377,12 +393,12 @@ struct Moving {
     }
     for (std::size_t k = 0; k < kParts * rows.stride(); ++k) sums.push_back(some_force());
   }
-  Advanced run(const Kernels& kernel, bool lagged, Advance what, std::size_t begin = 0, std::size_t end = Rows::kContent) const {
+  Advanced run(const Kernels& kernel, bool lagged, Advance what, std::size_t begin = 0,
+               std::size_t end = Rows::kContent) const {
     Advanced out{rows.balls.rows, sums, opening, false, false};
-    const AdvanceReport report =
-        (lagged ? kernel.advance_lagged : kernel.advance_predicted)(what, out.rows.data(), out.sums.data(), rows.stride(), kParts,
-                                                                     out.opening.data(), rows.balls.inverse_mass.data(),
-                                                                     skins.data(), parameters, begin, end);
+    const AdvanceReport report = (lagged ? kernel.advance_lagged : kernel.advance_predicted)(
+        what, out.rows.data(), out.sums.data(), rows.stride(), kParts, out.opening.data(), rows.balls.inverse_mass.data(),
+        skins.data(), parameters, begin, end);
     out.list_unsafe = report.list_unsafe;
     out.crossed = report.crossed;
     return out;
@@ -413,10 +429,12 @@ TEST(Kernels, AdvanceIsTheScheme) {
   const Moving moving;
   const double h = kStep;
   const auto newtons = [&](const IntVec& f) -> Vec3 {
-    return moving.rows.scale.unit * Vec3(static_cast<double>(f.v[0]), static_cast<double>(f.v[1]), static_cast<double>(f.v[2]));
+    return moving.rows.scale.unit *
+           Vec3(static_cast<double>(f.v[0]), static_cast<double>(f.v[1]), static_cast<double>(f.v[2]));
   };
   for (const bool lagged : {false, true}) {
-    const Advanced opened = moving.run(kernels(), lagged, Advance::open), closed = moving.run(kernels(), lagged, Advance::close);
+    const Advanced opened = moving.run(kernels(), lagged, Advance::open),
+                   closed = moving.run(kernels(), lagged, Advance::close);
     for (std::uint32_t row = 0; row < Rows::kContent; ++row) {
       const BallRow& before = moving.rows.balls.rows[row];
       const double per_mass = moving.rows.balls.inverse_mass[row];
@@ -492,16 +510,16 @@ TEST(Kernels, DriftKickAndWatchGiveTheSameBitsOnEveryInstructionSet) {
     std::vector<WeightedSum> sums;
     bool unsafe, crossed;
     bool operator==(const Out& o) const {
-      return same_bits(rows, o.rows) && same_bits(paths, o.paths) && same_bits(balance, o.balance) && same_bits(sums, o.sums) &&
-             unsafe == o.unsafe && crossed == o.crossed;
+      return same_bits(rows, o.rows) && same_bits(paths, o.paths) && same_bits(balance, o.balance) &&
+             same_bits(sums, o.sums) && unsafe == o.unsafe && crossed == o.crossed;
     }
   };
   const auto run = [&](const Kernels& kernel) {
     Out out{moving.rows.balls.rows, paths, moving.opening, sums, false, false};
     kernel.drift(out.rows.data(), paths.data(), some, 3.0 * kStep);
     const KickParameters kick{{0.1, -0.2, -9.81}, moving.rows.scale.unit, 0.5 * kStep, 3};
-    kernel.kick(out.rows.data(), out.paths.data(), out.balance.data(), level.data(), out.sums.data(), moving.rows.stride(), kParts,
-                some, kick);
+    kernel.kick(out.rows.data(), out.paths.data(), out.balance.data(), level.data(), out.sums.data(), moving.rows.stride(),
+                kParts, some, kick);
     const AdvanceReport report = kernel.watch(out.rows.data(), expected.data(), 3.0 * kStep, moving.parameters, 0, n);
     out.unsafe = report.list_unsafe;
     out.crossed = report.crossed;
@@ -530,7 +548,9 @@ TEST(Kernels, DriftKickAndWatchGiveTheSameBitsOnEveryInstructionSet) {
     for (int axis = 0; axis < 3; ++axis) {
       const std::int64_t old = moving.opening[row].v[axis];
       if (ends) v[axis] += 0.5 * kStep * unit * paths[row].inverse_mass * static_cast<double>(old + impulse[axis]);
-      const std::int64_t balance = !moved[row] ? old : ends ? impulse[axis] - (force[axis] << (level[row] + 1)) : old + 2 * impulse[axis];
+      const std::int64_t balance = !moved[row] ? old
+                                   : ends      ? impulse[axis] - (force[axis] << (level[row] + 1))
+                                               : old + 2 * impulse[axis];
       EXPECT_EQ(out.balance[row].v[axis], balance);
       EXPECT_EQ(out.paths[row].opening.v[axis], ends ? force[axis] : paths[row].opening.v[axis]);
     }
@@ -548,7 +568,8 @@ TEST(Kernels, WatchSeesBallsOffTheirPathNowAndAStepAhead) {
         expected.push_back({r.x - 0.1 * r.vx, r.y - 0.1 * r.vy, r.z - 0.1 * r.vz, 1e-3, r.vx, r.vy, r.vz, 0.0});
       }
       change(moving, expected);
-      const AdvanceReport seen = kernel->watch(moving.rows.balls.rows.data(), expected.data(), 0.1, moving.parameters, 0, Rows::kContent);
+      const AdvanceReport seen =
+          kernel->watch(moving.rows.balls.rows.data(), expected.data(), 0.1, moving.parameters, 0, Rows::kContent);
       return std::pair(seen.list_unsafe, seen.crossed);
     };
     using Paths = std::vector<StraightPath>;

@@ -58,7 +58,8 @@ TEST(Ledger, EveryEntryCountsOnceOverWhatWasTurnedOver) {
     b.ledger.*entry += 11.5;
     EXPECT_EQ(energy_residual(b.start, b.now, b.ledger), 11.5 / 1150.0);  // turned over and kinetic
   }
-  for (Vec3 Ledger::*entry : {&Ledger::gravity_impulse, &Ledger::wall_impulse, &Ledger::first_impact_impulse, &Ledger::removed_momentum}) {
+  for (Vec3 Ledger::*entry :
+       {&Ledger::gravity_impulse, &Ledger::wall_impulse, &Ledger::first_impact_impulse, &Ledger::removed_momentum}) {
     Balanced b;
     (b.ledger.*entry).y() += 1.0;
     EXPECT_EQ(momentum_residual(b.start, b.now, b.ledger), 1.0 / (92.0 + b.ledger.gravity_impulse.norm()));
@@ -95,7 +96,8 @@ TEST(Ledger, CollisionTurnsItsEnergyOverTwice) {
   // Without dashpot the spring takes the energy up and gives it back; the impulse is twice the momentum.
   Materials materials;
   materials.ball.c = 0.0;
-  const auto stepper = make_uniform_stepper(tests::two_balls(materials, 0.2, 0.25, 1e-3, 1.0), tests::weightless(materials, 1e-5));
+  const auto stepper =
+      make_uniform_stepper(tests::two_balls(materials, 0.2, 0.25, 1e-3, 1.0), tests::weightless(materials, 1e-5));
   stepper->advance(1000);
   const double m = tests::effective_mass(materials, 0.2, 0.25, Kind::content);
   // (w h)^2 = 3.6e-5
@@ -147,16 +149,16 @@ std::vector<Pile> piles() {
   for (const Integrator integrator : {Integrator::predicted, Integrator::pece, Integrator::lagged}) {
     for (const bool events : {false, true}) {
       if (events && integrator != Integrator::predicted) continue;
-      for (const auto& [extra, label] : {std::pair(Extra::none, "plain"), std::pair(Extra::tension, "tension"),
-                                         std::pair(Extra::cohesion, "cohesion"), std::pair(Extra::first_impact, "first_impact"),
-                                         std::pair(Extra::outlet, "outlet")}) {
+      for (const auto& [extra, label] :
+           {std::pair(Extra::none, "plain"), std::pair(Extra::tension, "tension"), std::pair(Extra::cohesion, "cohesion"),
+            std::pair(Extra::first_impact, "first_impact"), std::pair(Extra::outlet, "outlet")}) {
         // Lagged dashpots are seen half a step late: order 1. Otherwise order 2; pece closes 20 times better and shows
         // more of the next order. Cohesion that just holds two balls switches on and off around their standstill, in an
         // error of first order.
         const double order = integrator == Integrator::lagged ? 1.0 : 2.0;
         const double from = extra == Extra::cohesion ? 1.0 : order;
-        all.push_back({std::string(core::name(integrator)) + (events ? "_events_" : "_") + label, integrator, events, extra, from - 0.15,
-                       order + (integrator == Integrator::pece ? 0.5 : 0.15)});
+        all.push_back({std::string(core::name(integrator)) + (events ? "_events_" : "_") + label, integrator, events, extra,
+                       from - 0.15, order + (integrator == Integrator::pece ? 0.5 : 0.15)});
       }
     }
   }
@@ -216,8 +218,8 @@ TEST(Ledger, UndampedImpactsCloseToFourthOrder) {
       materials.ball.c = 0.0;
       const double m = tests::effective_mass(materials, 0.2, 0.25, Kind::content);
       const double h = collision_time(materials.ball, m, false) / (steps + 0.4);
-      const auto stepper = make_uniform_stepper(tests::two_balls(materials, 0.2, 0.25, (1.0 + (phase + 0.5) / 48.0) * h, 1.0),
-                                                tests::weightless(materials, h));
+      const auto stepper = make_uniform_stepper(
+          tests::two_balls(materials, 0.2, 0.25, (1.0 + (phase + 0.5) / 48.0) * h, 1.0), tests::weightless(materials, h));
       const Energies before = stepper->energies();
       stepper->advance(2 * steps);
       rms.add(energy_residual(before, stepper->energies(), stepper->ledger()));

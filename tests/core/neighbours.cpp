@@ -96,7 +96,8 @@ void expect_complete(const State& state, double reach, SkinRule rule, std::uint3
       row.z = x.z();
     }
     const Pairs touching = brute_force_pairs(moved, reach);
-    EXPECT_TRUE(std::includes(pairs.begin(), pairs.end(), touching.begin(), touching.end())) << "after a move within the skins";
+    EXPECT_TRUE(std::includes(pairs.begin(), pairs.end(), touching.begin(), touching.end()))
+        << "after a move within the skins";
   }
   const Pairs now = brute_force_pairs(balls, reach);
   EXPECT_TRUE(std::includes(pairs.begin(), pairs.end(), now.begin(), now.end()));
@@ -109,8 +110,10 @@ State random_set(int content, int fixed, double half, double r_min, double r_max
   for (int i = 0; i < content + fixed; ++i) {
     const bool moves = i < content;
     // Speeds over three decades, so that skins differ.
-    const Vec3 v = moves ? Vec3(speed * std::pow(10.0, random.between(-3.0, 0.0)) * random.direction()) : Vec3(0.0, 0.0, 0.0);
-    state.add(i, moves ? Kind::content : (i % 2 == 0 ? Kind::wall : Kind::plug), random.in_cube(half), v, random.between(r_min, r_max));
+    const Vec3 v =
+        moves ? Vec3(speed * std::pow(10.0, random.between(-3.0, 0.0)) * random.direction()) : Vec3(0.0, 0.0, 0.0);
+    state.add(i, moves ? Kind::content : (i % 2 == 0 ? Kind::wall : Kind::plug), random.in_cube(half), v,
+              random.between(r_min, r_max));
   }
   return state;
 }
@@ -184,7 +187,8 @@ TEST(NeighbourList, EqualsBruteForceOnPathologicalSets) {
   expect_complete(one, 0.0, kDefault, 6, "one ball on one fixed ball");
   expect_complete(random_set(500, 100, 1.5, 0.05, 0.4, 1.0, 4), 0.0, kDefault, 7, "radii 1 : 8");
   State line;
-  for (int i = 0; i < 300; ++i) line.add(i, i % 5 == 0 ? Kind::wall : Kind::content, {0.43 * i, 0.0, 0.0}, Vec3::Zero(), 0.22);
+  for (int i = 0; i < 300; ++i)
+    line.add(i, i % 5 == 0 ? Kind::wall : Kind::content, {0.43 * i, 0.0, 0.0}, Vec3::Zero(), 0.22);
   expect_complete(line, 0.0, kDefault, 8, "in a line");
 }
 
@@ -252,7 +256,8 @@ TEST(BruteForcePairs, CountALattice) {
   for (int i = 0; i < 27; ++i) state.add(i, Kind::content, 0.25 * Vec3(i % 3, i / 3 % 3, i / 9), Vec3::Zero(), 0.125);
   EXPECT_EQ(brute_force_pairs(balls_of(state), 0.0).size(), 54u);
   EXPECT_EQ(brute_force_pairs(balls_of(state), 0.25 * (std::numbers::sqrt2 - 1.0) - 1e-9).size(), 54u);
-  EXPECT_EQ(brute_force_pairs(balls_of(state), 0.25 * (std::numbers::sqrt2 - 1.0) + 1e-9).size(), 54u + 72u);  // and face diagonals
+  EXPECT_EQ(brute_force_pairs(balls_of(state), 0.25 * (std::numbers::sqrt2 - 1.0) + 1e-9).size(),
+            54u + 72u);  // and face diagonals
 }
 
 }  // namespace

@@ -53,8 +53,8 @@ double swing_error(const Swing& swing, int steps) {
   const Approach start{1.2 * rest, 0.1 * rest * w};
   StepperSetup setup = tests::weightless(materials, horizon / steps, swing.integrator);
   setup.gravity = pull * tests::oblique();
-  const auto stepper = make_uniform_stepper(
-      tests::two_balls(materials, kRadius0, kRadius1, -start.overlap, start.rate, Kind::wall), setup);
+  const auto stepper =
+      make_uniform_stepper(tests::two_balls(materials, kRadius0, kRadius1, -start.overlap, start.rate, Kind::wall), setup);
   stepper->advance(steps);
   const Approach found = approach(stepper->state());
   const Approach exact = tests::oscillator(materials.wall, m, m * pull, start, horizon);
@@ -71,7 +71,8 @@ TEST_P(ClosedContact, ConvergesWithTheSchemesOrder) {
 
 INSTANTIATE_TEST_SUITE_P(
     Swing, ClosedContact,
-    testing::Values(Swing{"Predicted", Integrator::predicted, 0.1, 2.0}, Swing{"PredictedStrong", Integrator::predicted, 2.0, 2.0},
+    testing::Values(Swing{"Predicted", Integrator::predicted, 0.1, 2.0},
+                    Swing{"PredictedStrong", Integrator::predicted, 2.0, 2.0},
                     Swing{"PredictedUndamped", Integrator::predicted, 0.0, 2.0}, Swing{"Pece", Integrator::pece, 0.1, 2.0},
                     Swing{"PeceStrong", Integrator::pece, 2.0, 2.0}, Swing{"PeceUndamped", Integrator::pece, 0.0, 2.0},
                     Swing{"Lagged", Integrator::lagged, 0.1, 1.0}, Swing{"LaggedStrong", Integrator::lagged, 2.0, 1.0},
@@ -88,7 +89,8 @@ TEST(ClosedContact, FollowsTheSchemesRecurrence) {
   for (const Integrator integrator : {Integrator::predicted, Integrator::pece, Integrator::lagged}) {
     StepperSetup setup = tests::weightless(materials, h, integrator);
     setup.gravity = pull * tests::oblique();
-    const auto stepper = make_uniform_stepper(tests::two_balls(materials, kRadius0, kRadius1, -1.5 * rest, 0.0, Kind::wall), setup);
+    const auto stepper =
+        make_uniform_stepper(tests::two_balls(materials, kRadius0, kRadius1, -1.5 * rest, 0.0, Kind::wall), setup);
     double d = 1.5 * rest, v = 0.0;
     const auto force = [&](double overlap, double rate) { return pull - (k * overlap + c * rate) / m; };
     double a = force(d, v);
@@ -226,17 +228,20 @@ TEST_P(AcrossEvents, CorrectionLowersTheErrorAtAUsualStep) {
   EXPECT_LT(1.5 * with, without);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Impact, AcrossEvents,
-    testing::Values(Impact{"ClampedBalls", false, 0.6, Kind::content}, Impact{"ClampedBallsLightlyDamped", false, 0.1, Kind::content},
-                    Impact{"ClampedBallsOverdamped", false, 1.5, Kind::content}, Impact{"ClampedWall", false, 0.4, Kind::wall},
-                    Impact{"TensionBalls", true, 0.6, Kind::content}, Impact{"TensionWall", true, 0.4, Kind::wall}),
-    [](const auto& tested) { return tested.param.name; });
+INSTANTIATE_TEST_SUITE_P(Impact, AcrossEvents,
+                         testing::Values(Impact{"ClampedBalls", false, 0.6, Kind::content},
+                                         Impact{"ClampedBallsLightlyDamped", false, 0.1, Kind::content},
+                                         Impact{"ClampedBallsOverdamped", false, 1.5, Kind::content},
+                                         Impact{"ClampedWall", false, 0.4, Kind::wall},
+                                         Impact{"TensionBalls", true, 0.6, Kind::content},
+                                         Impact{"TensionWall", true, 0.4, Kind::wall}),
+                         [](const auto& tested) { return tested.param.name; });
 
 TEST(AcrossEvents, UndampedImpactIsOfSecondOrderEitherWay) {
   // Without a dashpot the force has no jump, only a kink.
   const Impact impact{"", false, 0.0, Kind::content};
-  for (const bool events : {false, true}) EXPECT_NEAR(impact_order(impact, Integrator::predicted, events), 2.0, 0.1) << events;
+  for (const bool events : {false, true})
+    EXPECT_NEAR(impact_order(impact, Integrator::predicted, events), 2.0, 0.1) << events;
 }
 
 }  // namespace

@@ -47,7 +47,7 @@ StepperSetup tray_setup(Integrator integrator, bool first_impact = false) {
 }
 
 std::vector<double> numbers(const Ledger& l) {
-  std::vector<double> out{l.dissipated,      l.first_impact, l.event_work,  l.removed_energy,
+  std::vector<double> out{l.dissipated,      l.first_impact,  l.event_work,  l.removed_energy,
                           l.switched_energy, l.total_impulse, l.turned_over, static_cast<double>(l.discharged)};
   for (const Vec3* v : {&l.wall_impulse, &l.gravity_impulse, &l.first_impact_impulse, &l.removed_momentum}) {
     out.insert(out.end(), v->data(), v->data() + 3);
@@ -64,7 +64,8 @@ struct Outcome {
 };
 
 Outcome outcome(const Stepper& stepper) {
-  return {stepper.state(), numbers(stepper.ledger()), stepper.energies(), stepper.costs().events, stepper.costs().ball_updates};
+  return {stepper.state(), numbers(stepper.ledger()), stepper.energies(), stepper.costs().events,
+          stepper.costs().ball_updates};
 }
 
 void expect_same_bits(const Outcome& a, const Outcome& b, const std::string& what) {
@@ -143,7 +144,8 @@ TEST_P(Uniform, OrderOfTheBallsDoesNotChangeABit) {
   std::vector<std::size_t> order(given.size());
   std::iota(order.begin(), order.end(), 0U);
   tests::Random random(3);
-  for (std::size_t k = order.size() - 1; k > 0; --k) std::swap(order[k], order[random.below(static_cast<std::uint32_t>(k + 1))]);
+  for (std::size_t k = order.size() - 1; k > 0; --k)
+    std::swap(order[k], order[random.below(static_cast<std::uint32_t>(k + 1))]);
   State shuffled;
   for (std::size_t k = 0; k < order.size(); ++k) {
     const std::size_t from = order[k];
@@ -154,10 +156,12 @@ TEST_P(Uniform, OrderOfTheBallsDoesNotChangeABit) {
   std::size_t same = 0;
   for (std::size_t k = 0; k < found.state.size(); ++k) {
     const auto named = static_cast<BallId>(order[static_cast<std::size_t>(found.state.id[k])]);
-    const auto at = static_cast<std::size_t>(std::lower_bound(usual.state.id.begin(), usual.state.id.end(), named) - usual.state.id.begin());
+    const auto at = static_cast<std::size_t>(std::lower_bound(usual.state.id.begin(), usual.state.id.end(), named) -
+                                             usual.state.id.begin());
     ASSERT_LT(at, usual.state.size());
     ASSERT_EQ(usual.state.id[at], named);
-    same += found.state.position[k] == usual.state.position[at] && found.state.velocity[k] == usual.state.velocity[at] ? 1 : 0;
+    same +=
+        found.state.position[k] == usual.state.position[at] && found.state.velocity[k] == usual.state.velocity[at] ? 1 : 0;
   }
   EXPECT_EQ(same, usual.state.size());
 }
@@ -206,7 +210,8 @@ TEST_P(Uniform, RestartContinuesBitForBit) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, Uniform,
-                         testing::Values(Variant{"predicted", Integrator::predicted, false}, Variant{"pece", Integrator::pece, false},
+                         testing::Values(Variant{"predicted", Integrator::predicted, false},
+                                         Variant{"pece", Integrator::pece, false},
                                          Variant{"lagged", Integrator::lagged, false},
                                          Variant{"predicted_first_impact", Integrator::predicted, true},
                                          Variant{"lagged_first_impact", Integrator::lagged, true}),
@@ -235,7 +240,9 @@ TEST(UniformInput, IsRefusedWithTheKeyAndTheRemedy) {
   }
   State walls;
   walls.add(0, Kind::wall, {0.0, 0.0, 0.0}, Vec3::Zero(), 0.2);
-  EXPECT_NE(message_of<InputError>([&] { (void)make_uniform_stepper(walls, tests::weightless(Materials{}, kStep)); }).find("content"),
+  EXPECT_NE(message_of<InputError>([&] {
+              (void)make_uniform_stepper(walls, tests::weightless(Materials{}, kStep));
+            }).find("content"),
             std::string::npos);
 }
 
@@ -255,7 +262,8 @@ std::string failure(const State& state, Integrator integrator, std::int64_t step
 
 TEST(UniformFailure, NamesABallThatLeavesTheDomainElsewhere) {
   for (const Integrator integrator : kIntegrators) {
-    for (const Vec3& way : {Vec3(1.0, 0.0, 0.0), Vec3(-1.0, 0.0, 0.0), Vec3(0.0, 1.0, 0.0), Vec3(0.0, -1.0, 0.0), Vec3(0.0, 0.0, 1.0)}) {
+    for (const Vec3& way :
+         {Vec3(1.0, 0.0, 0.0), Vec3(-1.0, 0.0, 0.0), Vec3(0.0, 1.0, 0.0), Vec3(0.0, -1.0, 0.0), Vec3(0.0, 0.0, 1.0)}) {
       State state = tests::tray(5, 2, 1);
       state.position[7] = 4.9 * way;
       state.velocity[7] = 20.0 * way;
@@ -334,7 +342,8 @@ TEST(UniformRemoval, CountsAndBooksWhatLeavesThroughTheOutlet) {
     // Free fall is exact in all schemes; rounding.
     const Vec3 v(0.5, 0.0, -2.0 - 10.0 * t);
     EXPECT_NEAR((stepper->ledger().removed_momentum - m * v).norm(), 0.0, 1e-12 * m);
-    EXPECT_NEAR(stepper->ledger().removed_energy, m * (0.5 * v.squaredNorm() + 10.0 * (0.05 - 2.0 * t - 5.0 * t * t)), 1e-11 * m);
+    EXPECT_NEAR(stepper->ledger().removed_energy, m * (0.5 * v.squaredNorm() + 10.0 * (0.05 - 2.0 * t - 5.0 * t * t)),
+                1e-11 * m);
     EXPECT_LT(momentum_residual(before, stepper->energies(), stepper->ledger()), 1e-14);
     EXPECT_NEAR(stepper->ledger().gravity_impulse.z(), -10.0 * (m * t + materials.mass(0.25) * 0.03), 1e-10);
     EXPECT_NEAR(after.velocity[0].z(), -0.3, 1e-14);
@@ -346,8 +355,8 @@ TEST(UniformRemoval, ManyLeavingAtOnceAreBookedAlikeWhateverTheirSort) {
   tests::Random random(8);
   State state;
   for (int i = 0; i < 64; ++i) {
-    state.add(i, Kind::content, {0.43 * (i % 8), 0.43 * (i / 8), 0.002 + random.between(0.0, 1e-5)}, {random.between(-0.1, 0.1), 0.0, -4.0},
-              random.between(0.215, 0.22));
+    state.add(i, Kind::content, {0.43 * (i % 8), 0.43 * (i / 8), 0.002 + random.between(0.0, 1e-5)},
+              {random.between(-0.1, 0.1), 0.0, -4.0}, random.between(0.215, 0.22));
   }
   const auto ledger = [&](double skin) {
     StepperSetup setup = tests::weightless(Materials{}, 1e-3);
@@ -387,8 +396,8 @@ TEST(UniformRemoval, TakesTheSpringEnergyOfItsContactsAlong) {
   stepper->advance(1);
   const double m = materials.mass(0.2), spring = 0.5 * materials.ball.k * overlap * overlap;
   // The spring hardly moves in 2 us: w h = 1.5e-3, squared.
-  EXPECT_NEAR(stepper->ledger().removed_energy, 0.5 * m * stepper->ledger().removed_momentum.squaredNorm() / (m * m) + spring,
-              1e-5 * spring);
+  EXPECT_NEAR(stepper->ledger().removed_energy,
+              0.5 * m * stepper->ledger().removed_momentum.squaredNorm() / (m * m) + spring, 1e-5 * spring);
   EXPECT_EQ(stepper->contacts().size(), 0u);
 }
 

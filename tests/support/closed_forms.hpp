@@ -16,8 +16,7 @@ inline core::Approach oscillator(const core::PairLaw& law, double m, double load
   const double cosine = square > 0.0 ? std::cos(w * t) : std::cosh(w * t);
   const double sine = square > 0.0 ? std::sin(w * t) : std::sinh(w * t);
   const double b = (start.rate + g * y) / w;
-  return {rest + fade * (y * cosine + b * sine),
-          fade * (start.rate * cosine - (law.k / m * y + g * start.rate) / w * sine)};
+  return {rest + fade * (y * cosine + b * sine), fade * (start.rate * cosine - (law.k / m * y + g * start.rate) / w * sine)};
 }
 
 /// Head-on collision of free balls that touch at time 0.

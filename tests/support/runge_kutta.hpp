@@ -10,7 +10,8 @@
 namespace grainclock::tests {
 
 /// Accelerations of all balls (zero for fixed ones) from every touching or cohering pair.
-inline std::vector<core::Vec3> accelerations(const core::State& state, const core::Materials& materials, const core::Vec3& gravity) {
+inline std::vector<core::Vec3> accelerations(const core::State& state, const core::Materials& materials,
+                                             const core::Vec3& gravity) {
   using core::Kind;
   const std::size_t n = state.size();
   std::vector<core::Vec3> a(n, core::Vec3::Zero());
@@ -32,8 +33,8 @@ inline std::vector<core::Vec3> accelerations(const core::State& state, const cor
 }
 
 /// `state` after `seconds`, in `steps` steps of the classical scheme of order 4.
-inline core::State runge_kutta(core::State state, const core::Materials& materials, const core::Vec3& gravity, double seconds,
-                               int steps) {
+inline core::State runge_kutta(core::State state, const core::Materials& materials, const core::Vec3& gravity,
+                               double seconds, int steps) {
   const double h = seconds / steps;
   const std::size_t n = state.size();
   struct Slope {
