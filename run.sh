@@ -53,22 +53,29 @@ program=build/release/bin/grainclock
 
 # A start state is kept under a name that changes with the scene that makes it and with the format of states.
 state_version=2
+key() {  # key SCENE... SEED
+  for part; do if [ -e "$part" ]; then cat "$part"; else echo "$part, states $state_version"; fi; done | sha256sum | cut -c1-16
+}
+make_state() {  # make_state FILE SCENE [OPTION...]: runs the scene and keeps its final state
+  made=$1 scene=$2
+  shift 2
+  rm -rf "$made.work"
+  "$program" run "$scene" --out "$made.work" --threads "$threads" "$@"
+  mv "$made.work/final.h5" "$made"
+  rm -rf "$made.work"
+}
 out=out/$study-$(date +%Y%m%d-%H%M%S)
 mkdir -p build/cache "$out"
 for seed in $seeds; do
-  scene=silo/scenes/$name-start.toml
-  key=$({ cat "$scene"; echo "seed $seed, states $state_version"; } | sha256sum | cut -c1-16)
-  cached=build/cache/$name-flow-$key.h5
+  # Filling and opening are kept apart, so that either can be used again; a key names all that a state comes from.
+  filled=build/cache/$name-filled-$(key silo/scenes/$name-filled.toml "$seed").h5
+  cached=build/cache/$name-flow-$(key silo/scenes/$name-filled.toml silo/scenes/$name-open.toml "$seed").h5
   if [ -e "$cached" ]; then
     step "$start_minutes" "Start state, seed $seed: cached"
   else
     step "$start_minutes" "Start state, seed $seed: fill and open the silo"
-    work=build/cache/$name-flow-$key.work
-    rm -rf "$work"
-    mkdir -p "$work"
-    "$program" run "$scene" --out "$work/run" --set "seed=$seed" --threads "$threads"
-    mv "$work/run/final.h5" "$cached"
-    rm -rf "$work"
+    [ -e "$filled" ] || make_state "$filled" silo/scenes/$name-filled.toml --set "seed=$seed"
+    make_state "$cached" silo/scenes/$name-open.toml --set "initial.state=\"$filled\""
   fi
   # The same scene gives the same state to the bit; another compiler or mathematics library may not.
   sum=$("$program" info "$cached" | sed -n 's/^checksum: //p')
