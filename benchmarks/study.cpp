@@ -99,18 +99,10 @@ class Runner {
 
   /// The setup of this stepping, its step a whole fraction of the horizon.
   core::StepperSetup setup(const State& state, const Stepping& stepping) const {
-    const core::Phase& phase = scene_.phases.front();
-    core::StepperSetup setup;
-    setup.gravity = scene_.gravity;
-    setup.materials = phase.materials;
-    setup.domain = scene_.domain;
-    setup.outlet_open = phase.outlet_open;
-    setup.first_impact = phase.first_impact;
-    setup.threads = threads_;
-    setup.stepping = stepping;
-    const double wanted = stepping.step ? *stepping.step : multirate::default_step(state, setup);
-    setup.stepping.step = core::step_for(horizon_, wanted).step;
-    return setup;
+    core::Phase phase = scene_.phases.front();
+    phase.stepping = stepping;
+    phase.every = horizon_;
+    return silo::phase_setup(scene_, phase, state, threads_);
   }
 
   /// Steps over the horizon; the stepper's construction (lists, first forces) is outside the clock.

@@ -7,7 +7,7 @@
 namespace grainclock::core {
 
 ForceField::ForceField(const State& state, const Materials& materials, const Vec3& gravity, bool outlet_open, int threads)
-    : materials_(materials), gravity_(gravity), threads_(threads), balls_(state, materials, !outlet_open) {
+    : materials_(materials), gravity_(gravity), balls_(state, materials, !outlet_open) {
   const double length = state.length_scale > 0.0 ? state.length_scale : balls_.mean_diameter;
   list_ = NeighbourList(materials.reach(), SkinRule::for_diameter(length), threads);
   scale_ = force_scale(materials, gravity.norm(), length, 1, balls_.content_count());

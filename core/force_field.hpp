@@ -23,7 +23,6 @@ class ForceField {
  private:
   Materials materials_;
   Vec3 gravity_;
-  int threads_;
   Balls balls_;
   NeighbourList list_;
   ForceScale scale_;

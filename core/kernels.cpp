@@ -280,59 +280,56 @@ GC_INLINE void sweep_block(const BallRow* rows, const PairSpan& pairs, std::size
   }
 }
 
-template <class T, bool kEvents>
-void sweep_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law_in, IntVec* sums, SweepTotals& totals,
-                 Candidates* candidates) {
+/// Evaluates all pairs block by block and calls add(pair, force) for each.
+template <class T, bool kEvents, class Add>
+GC_INLINE void sweep_pairs(const BallRow* rows, const PairSpan& pairs, const SweepLaw& law_in, SweepTotals& totals,
+                           Candidates* candidates, Add add) {
   const SweepLaw law = law_in;
   alignas(64) IntVec buffer[kBlock];
   LaneTotals lanes;
-  Int4* ball = reinterpret_cast<Int4*>(sums);
   const Int4* force = reinterpret_cast<const Int4*>(buffer);
   for (std::size_t first = 0; first < pairs.n; first += kBlock) {
     const std::size_t last = first + kBlock < pairs.n ? first + kBlock : pairs.n;
     sweep_block<T, kEvents>(rows, pairs, first, last, law, buffer, lanes, candidates);
     for (std::size_t p = first; p < last; p += kWidth) {
 #pragma GCC unroll 8
-      for (int s = 0; s < kWidth; ++s) {
-        const std::size_t pair = p + kSlotPair[s];
-        const Int4 f = force[p - first + s];
-        ball[pairs.i[pair]] += f;
-        if (law.both) ball[pairs.j[pair]] -= f;
-      }
+      for (int s = 0; s < kWidth; ++s) add(p + kSlotPair[s], force[p - first + s]);
     }
   }
   lanes.add_to(totals);
 }
 
 template <class T, bool kEvents>
-void weighted_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law_in, int shift, WeightedSum* sums,
-                    SweepTotals& totals, Candidates* candidates) {
-  const SweepLaw law = law_in;
-  alignas(64) IntVec buffer[kBlock];
-  LaneTotals lanes;
-  Int4* ball = reinterpret_cast<Int4*>(sums);  // two per ball: force, impulse
-  const Int4* force = reinterpret_cast<const Int4*>(buffer);
-  for (std::size_t first = 0; first < pairs.n; first += kBlock) {
-    const std::size_t last = first + kBlock < pairs.n ? first + kBlock : pairs.n;
-    sweep_block<T, kEvents>(rows, pairs, first, last, law, buffer, lanes, candidates);
-    for (std::size_t p = first; p < last; p += kWidth) {
-#pragma GCC unroll 8
-      for (int s = 0; s < kWidth; ++s) {
-        const std::size_t pair = p + kSlotPair[s];
-        const Int4 f = force[p - first + s];
-        const Int4 impulse = f << shift;
-        Int4* i = ball + 2 * std::size_t{pairs.i[pair]};
-        i[0] += f;
-        i[1] += impulse;
-        if (law.both) {
-          Int4* j = ball + 2 * std::size_t{pairs.j[pair]};
-          j[0] -= f;
-          j[1] -= impulse;
-        }
-      }
-    }
+void sweep_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, IntVec* sums, SweepTotals& totals,
+                 Candidates* candidates) {
+  Int4* ball = reinterpret_cast<Int4*>(sums);
+  const bool both = law.both;
+  sweep_pairs<T, kEvents>(rows, pairs, law, totals, candidates, [=](std::size_t pair, Int4 f) [[gnu::always_inline]] {
+    ball[pairs.i[pair]] += f;
+    if (both) ball[pairs.j[pair]] -= f;
+  });
+}
+
+/// Adds a force and its weighted impulse to both balls of a pair, or to the first alone.
+GC_INLINE void add_weighted(Int4* ball, const PairSpan& pairs, std::size_t pair, Int4 f, Int4 impulse, bool both) {
+  Int4* i = ball + 2 * std::size_t{pairs.i[pair]};  // two per ball: force, impulse
+  i[0] += f;
+  i[1] += impulse;
+  if (both) {
+    Int4* j = ball + 2 * std::size_t{pairs.j[pair]};
+    j[0] -= f;
+    j[1] -= impulse;
   }
-  lanes.add_to(totals);
+}
+
+template <class T, bool kEvents>
+void weighted_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, int shift, WeightedSum* sums,
+                    SweepTotals& totals, Candidates* candidates) {
+  Int4* ball = reinterpret_cast<Int4*>(sums);
+  const bool both = law.both;
+  sweep_pairs<T, kEvents>(rows, pairs, law, totals, candidates, [=](std::size_t pair, Int4 f) [[gnu::always_inline]] {
+    add_weighted(ball, pairs, pair, f, f << shift, both);
+  });
 }
 
 template <class T>
@@ -365,15 +362,7 @@ void sum_recorded(PairSpan pairs, const IntVec* force_in, const std::uint8_t* sh
   Int4* ball = reinterpret_cast<Int4*>(sums);
   for (std::size_t p = begin; p < end; ++p) {
     const Int4 f = force[p];
-    const Int4 impulse = shift[p] == kNoWeight ? Int4{} : f << shift[p];
-    Int4* i = ball + 2 * std::size_t{pairs.i[p]};
-    i[0] += f;
-    i[1] += impulse;
-    if (both) {
-      Int4* j = ball + 2 * std::size_t{pairs.j[p]};
-      j[0] -= f;
-      j[1] -= impulse;
-    }
+    add_weighted(ball, pairs, p, f, shift[p] == kNoWeight ? Int4{} : f << shift[p], both);
   }
 }
 
