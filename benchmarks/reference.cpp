@@ -148,9 +148,11 @@ std::uint64_t run_arkode(const Problem& problem) {
 
 }  // namespace
 
-ReferenceRun integrate(Solver solver, double rtol, const core::State& start, const core::StepperSetup& setup,
+ReferenceRun integrate(const ReferenceSettings& settings, const core::State& start, const core::StepperSetup& setup,
                        double horizon) {
-  GC_REQUIRE(solver != Solver::stepper, "reference: the solver must be cvode or arkode");
+  GC_REQUIRE(settings.scheme == Scheme::cvode_adams || settings.scheme == Scheme::erkstep,
+             "reference: this scheme is not offered yet");
+  const double rtol = settings.rtol;
   ReferenceRun run;
   run.end = start;
   std::vector<std::size_t> rows;  // of the content balls, in the order of the unknowns
@@ -185,7 +187,7 @@ ReferenceRun integrate(Solver solver, double rtol, const core::State& start, con
 
   const Problem problem{context.get(), system, y.get(), tolerances.get(), rtol, horizon, longest_step(start, setup.materials)};
   const auto begin = std::chrono::steady_clock::now();
-  run.steps = solver == Solver::cvode ? run_cvode(problem) : run_arkode(problem);
+  run.steps = settings.scheme == Scheme::cvode_adams ? run_cvode(problem) : run_arkode(problem);
   run.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 
   for (std::size_t ball = 0; ball < rows.size(); ++ball) {

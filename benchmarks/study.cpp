@@ -143,7 +143,7 @@ class Runner {
     Outcome outcome;
     outcome.method_used = name(point.solver);
     try {
-      ReferenceRun run = integrate(point.solver, point.rtol, series.start, made, horizon_);
+      ReferenceRun run = integrate({point.solver == Solver::cvode ? Scheme::cvode_adams : Scheme::erkstep, point.rtol}, series.start, made, horizon_);
       outcome.end = std::move(run.end);
       outcome.wall_s.push_back(run.wall_s);
       outcome.costs.contact_evaluations = run.contact_evaluations;
