@@ -45,29 +45,12 @@ void choose(Side& side, double time) {
   side.state = side.run->state(side.frame);
 }
 
-/// Distances of the balls that both have [m].
-std::vector<double> distances(const State& a, const State& b) {
-  std::vector<double> found;
-  std::size_t j = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    while (j < b.size() && b.id[j] < a.id[i]) ++j;
-    if (a.kind[i] == core::Kind::content && j < b.size() && b.id[j] == a.id[i]) found.push_back((a.position[i] - b.position[j]).norm());
-  }
-  return found;
-}
-
 void add_summary(Report& report, const std::string& key, const std::string& label, const ErrorSummary& errors) {
   Report part;
   part.add("rms", "rms", errors.rms);
   part.add("median", "median", errors.median);
   part.add("p99", "99 %", errors.p99);
   report.add(key, label, part);
-}
-
-double rms(const std::vector<double>& values) {
-  double sum = 0.0;
-  for (const double value : values) sum += value * value;
-  return std::sqrt(sum / static_cast<double>(values.size()));
 }
 
 void add_run_measures(Report& report, const Side& a, const Side& b) {
@@ -96,13 +79,13 @@ Report compare(const std::string& path, const std::string& reference, const Comp
   report.add("file", "file", path);
   report.add("reference", "reference", reference);
   report.add("time", "time", b.state.time, "s");
-  const std::vector<double> apart = distances(a.state, b.state);
-  GC_REQUIRE(!apart.empty(), "{} and {} have no content balls in common; compare states of the same scene", path, reference);
-  report.add("common", "content balls in common", static_cast<std::int64_t>(apart.size()));
-  report.add("distance_rms", "distance, rms", rms(apart), "m");
-  report.add("distance_median", "distance, median", quantile(apart, 0.5), "m");
-  report.add("distance_p99", "distance, 99 %", quantile(apart, 0.99), "m");
-  report.add("distance_max", "distance, largest", *std::max_element(apart.begin(), apart.end()), "m");
+  const Distances apart = distances(a.state, b.state);
+  GC_REQUIRE(apart.common > 0, "{} and {} have no content balls in common; compare states of the same scene", path, reference);
+  report.add("common", "content balls in common", static_cast<std::int64_t>(apart.common));
+  report.add("distance_rms", "distance, rms", apart.rms, "m");
+  report.add("distance_median", "distance, median", apart.median, "m");
+  report.add("distance_p99", "distance, 99 %", apart.p99, "m");
+  report.add("distance_max", "distance, largest", apart.largest, "m");
 
   std::optional<State> start;
   if (options.start) start = silo::read_moment(*options.start);

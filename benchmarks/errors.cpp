@@ -23,6 +23,14 @@ std::unordered_map<BallId, std::size_t> content_rows(const State& state) {
   return rows;
 }
 
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// The distance of two vectors; infinite where it is no number, so that a lost ball cannot look like a good one.
+double distance(const core::Vec3& a, const core::Vec3& b) {
+  const double apart = (a - b).norm();
+  return std::isnan(apart) ? kInfinity : apart;
+}
+
 double root_mean_square(const std::vector<double>& values) {
   double sum = 0.0;
   for (const double value : values) sum += value * value;
@@ -47,19 +55,22 @@ TrajectoryErrors trajectory_errors(const State& start, const State& reference, c
     if (outlet_z && reference.position[row].z() < *outlet_z) continue;
     const auto before = start_rows.find(reference.id[row]);
     if (before == start_rows.end()) continue;
+    GC_REQUIRE(reference.position[row].allFinite() && reference.velocity[row].allFinite(),
+               "errors: ball {} of the reference has no finite position or velocity; take a reference that did not fail",
+               reference.id[row]);
+    moved.push_back((reference.position[row] - start.position[before->second]).norm());
+    speed.push_back(reference.velocity[row].norm());
     const auto after = result_rows.find(reference.id[row]);
     if (after == result_rows.end()) {
       ++errors.missing;
       continue;
     }
-    moved.push_back((reference.position[row] - start.position[before->second]).norm());
-    speed.push_back(reference.velocity[row].norm());
-    position.push_back((result.position[after->second] - reference.position[row]).norm());
-    velocity.push_back((result.velocity[after->second] - reference.velocity[row]).norm());
+    position.push_back(distance(result.position[after->second], reference.position[row]));
+    velocity.push_back(distance(result.velocity[after->second], reference.velocity[row]));
   }
-  GC_REQUIRE(!moved.empty(),
+  GC_REQUIRE(!position.empty(),
              "errors: no content ball is in the start, the reference and the result at once; compare states of one scene");
-  errors.compared = moved.size();
+  errors.compared = position.size();
   errors.displacement = root_mean_square(moved);
   errors.speed = root_mean_square(speed);
   GC_REQUIRE(errors.displacement > 0.0 && errors.speed > 0.0,
@@ -71,13 +82,33 @@ TrajectoryErrors trajectory_errors(const State& start, const State& reference, c
   return errors;
 }
 
+Distances distances(const State& a, const State& b) {
+  const auto rows = content_rows(b);
+  std::vector<double> apart;
+  for (std::size_t row = 0; row < a.size(); ++row) {
+    if (a.kind[row] != Kind::content) continue;
+    const auto other = rows.find(a.id[row]);
+    if (other != rows.end()) apart.push_back(distance(a.position[row], b.position[other->second]));
+  }
+  if (apart.empty()) return {};
+  return {root_mean_square(apart), quantile(apart, 0.5), quantile(apart, 0.99), *std::max_element(apart.begin(), apart.end()),
+          apart.size()};
+}
+
 double quantile(std::vector<double> sample, double q) {
   GC_REQUIRE(!sample.empty() && q >= 0.0 && q <= 1.0, "quantile {} of {} values does not exist", q, sample.size());
+  // Sorting needs an order, and nan has none.
+  if (std::any_of(sample.begin(), sample.end(), [](double value) { return std::isnan(value); })) {
+    return std::numeric_limits<double>::quiet_NaN();
+  }
   std::sort(sample.begin(), sample.end());
   const double place = q * static_cast<double>(sample.size() - 1);
   const auto below = static_cast<std::size_t>(place);
   const std::size_t above = std::min(below + 1, sample.size() - 1);
-  return sample[below] + (place - static_cast<double>(below)) * (sample[above] - sample[below]);
+  const double share = place - static_cast<double>(below);
+  // Infinite values leave no difference to interpolate with.
+  if (share == 0.0 || sample[below] == sample[above]) return sample[below];
+  return sample[below] + share * (sample[above] - sample[below]);
 }
 
 double relative_l2(const std::vector<double>& a, const std::vector<double>& reference) {
@@ -85,11 +116,13 @@ double relative_l2(const std::vector<double>& a, const std::vector<double>& refe
              reference.size());
   double difference = 0.0, norm = 0.0;
   for (std::size_t i = 0; i < a.size(); ++i) {
+    GC_REQUIRE(std::isfinite(reference[i]), "relative error: value {} of the reference is {}; take a reference that did not fail", i,
+               reference[i]);
     difference += (a[i] - reference[i]) * (a[i] - reference[i]);
     norm += reference[i] * reference[i];
   }
   if (difference == 0.0) return 0.0;
-  return norm > 0.0 ? std::sqrt(difference / norm) : std::numeric_limits<double>::infinity();
+  return norm > 0.0 && std::isfinite(difference) ? std::sqrt(difference / norm) : kInfinity;
 }
 
 }  // namespace grainclock::benchmarks
