@@ -17,28 +17,40 @@ constexpr double kPathError = 0.1;
 
 bool may_be_clamped(const ContactLaw& law) { return !law.tension && law.c > 0.0; }
 
-/// Lowest value of the exit function strictly inside the step on the cubic Hermite path; infinity if it has no minimum there.
-double lowest_inside(const Exit& exit, const Approach& start, const Approach& end, double h) {
-  // d(s) = d0 + s p1 + s^2 p2 + s^3 p3 over s in (0, 1), r = d'(s) / h.
-  const double rise = end.overlap - start.overlap, r0 = h * start.rate, r1 = h * end.rate;
-  const double p1 = r0, p2 = 3.0 * rise - 2.0 * r0 - r1, p3 = r0 + r1 - 2.0 * rise;
-  const double a = exit.overlap_weight, b = exit.rate_weight / h;
-  const auto value = [&](double s) {
-    return a * (start.overlap + s * (p1 + s * (p2 + s * p3))) + b * (p1 + s * (2.0 * p2 + 3.0 * s * p3)) + exit.offset;
-  };
-  // The function's derivative: q0 + q1 s + q2 s^2.
-  const double q0 = a * p1 + 2.0 * b * p2, q1 = 2.0 * a * p2 + 6.0 * b * p3, q2 = 3.0 * a * p3;
-  double lowest = std::numeric_limits<double>::infinity();
-  const auto look_at = [&](double s) {
-    if (s > 0.0 && s < 1.0) lowest = std::min(lowest, value(s));
-  };
-  const double square = q1 * q1 - 4.0 * q2 * q0;
-  if (square < 0.0) return lowest;
-  const double q = -0.5 * (q1 + std::copysign(std::sqrt(square), q1));  // both roots without cancellation
-  if (q2 != 0.0) look_at(q / q2);
-  if (q != 0.0) look_at(q0 / q);
-  return lowest;
-}
+/// The cubic Hermite path of the overlap between the two ends of a step of h [s]: d0 + s p1 + s^2 p2 + s^3 p3, s in (0, 1).
+struct Path {
+  double d0, p1, p2, p3;  // m
+  double h;               // s
+  double turn;            // m/s, by how much the mean rate differs from the mean of the rates at the ends
+
+  /// Rounding of overlaps must not look like a turn, which it would in very short steps.
+  Path(const Approach& start, const Approach& end, double step, const Rounding& rounding) : d0(start.overlap), p1(step * start.rate), h(step) {
+    const double mean = 0.5 * (start.rate + end.rate), raw = (end.overlap - start.overlap) / step - mean;
+    turn = std::copysign(std::max(0.0, std::abs(raw) - 2.0 * rounding.overlap / step - rounding.rate), raw);
+    const double rise = step * (mean + turn), r1 = step * end.rate;
+    p2 = 3.0 * rise - 2.0 * p1 - r1;
+    p3 = p1 + r1 - 2.0 * rise;
+  }
+
+  /// Lowest value of the exit function strictly inside the step; infinity if it has no minimum there.
+  double lowest(const Exit& exit) const {
+    const double a = exit.overlap_weight, b = exit.rate_weight / h;
+    double out = std::numeric_limits<double>::infinity();
+    const auto look_at = [&](double s) {
+      if (!(s > 0.0 && s < 1.0)) return;
+      const double d = d0 + s * (p1 + s * (p2 + s * p3)), slope = p1 + s * (2.0 * p2 + 3.0 * s * p3);
+      out = std::min(out, a * d + b * slope + exit.offset);
+    };
+    // Where the function's derivative q0 + q1 s + q2 s^2 is zero; both roots without cancellation.
+    const double q0 = a * p1 + 2.0 * b * p2, q1 = 2.0 * a * p2 + 6.0 * b * p3, q2 = 3.0 * a * p3;
+    const double square = q1 * q1 - 4.0 * q2 * q0;
+    if (square < 0.0) return out;
+    const double q = -0.5 * (q1 + std::copysign(std::sqrt(square), q1));
+    if (q2 != 0.0) look_at(q / q2);
+    if (q != 0.0) look_at(q0 / q);
+    return out;
+  }
+};
 
 }  // namespace
 
@@ -89,15 +101,15 @@ double Rounding::of(const Exit& exit) const {
   return std::abs(exit.overlap_weight) * overlap + std::abs(exit.rate_weight) * rate;
 }
 
-Passage passage(const Exit& exit, const Approach& start, const Approach& end, double h, double rounding) {
-  const double first = exit.value(start), last = exit.value(end);
-  if (std::min(first, last) < -rounding) return Passage::through;
-  // How far the path may fall below its ends; see lowest_inside.
-  const double turn = std::abs((end.overlap - start.overlap) / h - 0.5 * (start.rate + end.rate));
+Passage passage(const Exit& exit, const Approach& start, const Approach& end, double h, const Rounding& rounding) {
+  const double nearest = std::min(exit.value(start), exit.value(end)), unit = rounding.of(exit);
+  if (nearest < -unit) return Passage::through;
+  // How far the path may fall below its ends.
+  const Path path(start, end, h, rounding);
   const double bend = 0.15 * h * (std::abs(start.rate) + std::abs(end.rate)) * std::abs(exit.overlap_weight) +
-                      1.5 * turn * std::abs(exit.rate_weight);
-  if (std::min(first, last) > 2.0 * bend) return Passage::none;
-  return lowest_inside(exit, start, end, h) < kPathError * bend - rounding ? Passage::grazing : Passage::none;
+                      1.5 * std::abs(path.turn * exit.rate_weight);
+  if (bend <= unit || nearest > 2.0 * bend) return Passage::none;
+  return path.lowest(exit) < kPathError * bend - unit ? Passage::grazing : Passage::none;
 }
 
 }  // namespace grainclock::benchmarks

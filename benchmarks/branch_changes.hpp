@@ -62,6 +62,7 @@ enum class Passage {
 };
 /// Follows the cubic Hermite path of the overlap between the two ends of a step of `h` [s]. A graze is reported where the
 /// path's lowest point is within a margin for the path's own error.
-Passage passage(const Exit& exit, const core::Approach& start, const core::Approach& end, double h, double rounding);
+Passage passage(const Exit& exit, const core::Approach& start, const core::Approach& end, double h,
+                const Rounding& rounding);
 
 }  // namespace grainclock::benchmarks

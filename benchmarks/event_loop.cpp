@@ -13,7 +13,7 @@ namespace {
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 /// A collision takes four changes in about three windows: this many within one are no motion of balls.
 constexpr int kMostChanges = 32;
-constexpr int kMostHalvings = 100;
+constexpr int kMostSections = 100;
 
 void count(BranchChanges& changes, ChangeKind kind) {
   switch (kind) {
@@ -28,21 +28,40 @@ void count(BranchChanges& changes, ChangeKind kind) {
   }
 }
 
-/// An exit function over a step; positive within the branch.
-class Watcher {
+/// The solution within the solver's last step.
+class WithinStep {
  public:
-  Watcher(Solver& solver, ContactSystem& system, const WatchedPair& pair, const Exit& exit, N_Vector scratch)
-      : solver_(solver), system_(system), pair_(pair), exit_(exit), scratch_(scratch),
-        rounding_(system.watched()->rounding().of(exit)), first_(exit.value(pair.start)) {}
+  WithinStep(Solver& solver, ContactSystem& system, N_Vector y) : solver_(solver), system_(system), solution_(N_VClone(y)) {}
 
-  double rounding() const { return rounding_; }
-  double first() const { return first_; }
-  double at(double time) const {
-    solver_.evaluate_at(time, scratch_);
-    return exit_.value(system_.watched()->approach(pair_, system_.motion_at(scratch_)));
+  /// The solution at this time [s]; the last one is kept.
+  N_Vector at(double time) {
+    if (!time_ || *time_ != time) solver_.evaluate_at(time, solution_.get());
+    time_ = time;
+    return solution_.get();
   }
+  /// Another step has been taken.
+  void forget() { time_.reset(); }
 
-  /// A time in (begin, end) at which the exit is passed, if the lowest point in between is beyond it: golden sections.
+  ContactSystem& system() { return system_; }
+
+ private:
+  Solver& solver_;
+  ContactSystem& system_;
+  Vector solution_;
+  std::optional<double> time_;  // s, of the solution
+};
+
+/// The value of a pair's exit function over a step; it is positive within the branch.
+class ExitPath {
+ public:
+  ExitPath(WithinStep& step, const WatchedPair& pair, const Exit& exit)
+      : step_(step), pair_(pair), exit_(exit), rounding_(step.system().watched()->rounding().of(exit)) {}
+
+  bool is_beyond(double value) const { return value < -rounding_; }
+  double first() const { return exit_.value(pair_.start); }
+  double at(double time) const { return exit_.value(step_.system().watched()->approach(pair_, step_.system().motion_at(step_.at(time)))); }
+
+  /// A time [s] in (begin, end) at which the exit has been passed, if the lowest point in between is beyond it: golden sections.
   std::optional<double> beyond(double begin, double end) const {
     constexpr double kGolden = std::numbers::phi - 1.0;
     double left = end - kGolden * (end - begin), right = begin + kGolden * (end - begin);
@@ -50,8 +69,8 @@ class Watcher {
     // The lowest value is known to rounding when its place is known to half the digits.
     const double enough = std::sqrt(kEpsilon) * (end - begin);
     while (end - begin > enough) {
-      if (at_left < -rounding_) return left;
-      if (at_right < -rounding_) return right;
+      if (is_beyond(at_left)) return left;
+      if (is_beyond(at_right)) return right;
       if (at_left < at_right) {
         end = right;
         right = left;
@@ -69,15 +88,14 @@ class Watcher {
     return std::nullopt;
   }
 
-  /// The time between `begin`, within the branch, and `end`, beyond it, at which the exit is passed: false position, the
-  /// end that stays having its value halved.
-  double root(double begin, double end) const {
+  /// The time [s] between `begin`, within the branch, and `end`, beyond it with `last`, at which the exit is passed: false
+  /// position, the end that stays having its value halved.
+  double root(double begin, double end, double last) const {
     // A pair that begins on its limit leaves it when it is beyond by more than rounding.
-    const double level = first_ > rounding_ ? 0.0 : -rounding_;
-    double low = first_ - level, high = at(end) - level;
-    if (low <= 0.0) return begin;
+    const double level = first() > rounding_ ? 0.0 : -rounding_;
+    double low = first() - level, high = last - level;
     int kept = 0;  // which end stayed last
-    for (int n = 0; n < kMostHalvings && end - begin > 2.0 * kEpsilon * end; ++n) {
+    for (int n = 0; n < kMostSections && end - begin > 2.0 * kEpsilon * end; ++n) {
       double time = end - high * (end - begin) / (high - low);
       if (!(time > begin && time < end)) time = 0.5 * (begin + end);
       const double value = at(time) - level;
@@ -98,12 +116,10 @@ class Watcher {
   }
 
  private:
-  Solver& solver_;
-  ContactSystem& system_;
+  WithinStep& step_;
   const WatchedPair& pair_;
   const Exit& exit_;
-  N_Vector scratch_;
-  double rounding_, first_;
+  double rounding_;
 };
 
 struct Found {
@@ -115,7 +131,7 @@ struct Found {
 class EventLoop {
  public:
   EventLoop(double horizon, Solver& solver, ContactSystem& system, N_Vector y, double window)
-      : horizon_(horizon), solver_(solver), system_(system), y_(y), scratch_(N_VClone(y)), window_(window) {}
+      : horizon_(horizon), solver_(solver), system_(system), y_(y), within_(solver, system, y), window_(window) {}
 
   LoopResult run() {
     double time = 0.0;
@@ -144,19 +160,23 @@ class EventLoop {
   /// The earliest change within the step from `begin` to `end` [s].
   std::optional<Found> first_change(double begin, double end) {
     std::optional<Found> first;
+    within_.forget();
     WatchedPairs& watched = *system_.watched();
     for (WatchedPair& pair : watched.pairs()) {
       const Exits exits = exits_of(watched.law(pair), pair.branch);
       for (const Exit& exit : exits.all()) {
-        const Passage how = passage(exit, pair.start, pair.end, end - begin, watched.rounding().of(exit));
+        const Passage how = passage(exit, pair.start, pair.end, end - begin, watched.rounding());
         if (how == Passage::none) continue;
-        const double last = first ? first->time : end;
-        const Watcher watcher(solver_, system_, pair, exit, scratch_.get());
-        std::optional<double> beyond;
-        if (watcher.first() < -watcher.rounding()) return Found{begin, &pair, exit};  // changes may coincide
-        if (watcher.at(last) < -watcher.rounding()) beyond = last;
-        else if (how == Passage::grazing) beyond = watcher.beyond(begin, last);
-        if (beyond) first = Found{watcher.root(begin, *beyond), &pair, exit};
+        const ExitPath path(within_, pair, exit);
+        if (path.is_beyond(path.first())) return Found{begin, &pair, exit};  // at the same time as the change before
+        std::optional<double> beyond = first ? first->time : end;
+        double last = first ? path.at(*beyond) : exit.value(pair.end);
+        if (!path.is_beyond(last)) {
+          if (how == Passage::grazing) beyond = path.beyond(begin, *beyond);
+          else beyond.reset();  // passed after the first change
+          if (beyond) last = path.at(*beyond);
+        }
+        if (beyond) first = Found{path.root(begin, *beyond, last), &pair, exit};
       }
     }
     return first;
@@ -165,7 +185,7 @@ class EventLoop {
   /// Puts the pair onto its new branch and starts the solver anew.
   void stop_at(const Found& change) {
     WatchedPairs& watched = *system_.watched();
-    solver_.evaluate_at(change.time, y_);
+    N_VScale(1.0, within_.at(change.time), y_);
     WatchedPair& pair = *change.pair;
     pair.branch = change.exit.to;
     if (change.time - pair.window > window_) {
@@ -190,7 +210,7 @@ class EventLoop {
   Solver& solver_;
   ContactSystem& system_;
   N_Vector y_;
-  Vector scratch_;
+  WithinStep within_;
   double window_;   // s
   LoopResult result_;
 };
