@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace grainclock::silo {
@@ -16,6 +17,12 @@ void require_valid(const Layers& layers) {
 
 double height_of(const Layers& layers) { return (layers.z1 - layers.z0) / layers.n; }
 double edge(const Layers& layers, int i) { return i == layers.n ? layers.z1 : layers.z0 + i * height_of(layers); }
+
+/// The layer that holds the height z [m].
+std::optional<std::size_t> layer_at(const Layers& layers, double z) {
+  if (z < layers.z0 || z > layers.z1) return std::nullopt;
+  return static_cast<std::size_t>(std::min(layers.n - 1, static_cast<int>((z - layers.z0) / height_of(layers))));
+}
 
 /// Volume of the part of a ball of radius r around the origin below height h [m3].
 double volume_below(double r, double h) {
@@ -58,12 +65,35 @@ std::vector<double> wall_force_by_layer(const core::State& state, const std::vec
   }
   std::vector<double> force(static_cast<std::size_t>(layers.n), 0.0);
   for (std::size_t ball = 0; ball < state.size(); ++ball) {
-    const double z = state.position[ball][2];
-    if (state.kind[ball] != core::Kind::wall || z < layers.z0 || z > layers.z1) continue;
-    const int layer = std::min(layers.n - 1, static_cast<int>((z - layers.z0) / height_of(layers)));
-    force[static_cast<std::size_t>(layer)] += std::hypot(on_ball[ball][0], on_ball[ball][1]);
+    if (state.kind[ball] != core::Kind::wall) continue;
+    if (const auto layer = layer_at(layers, state.position[ball][2])) force[*layer] += std::hypot(on_ball[ball][0], on_ball[ball][1]);
   }
   return force;
+}
+
+std::vector<double> wall_area_by_layer(const core::State& state, const Layers& layers) {
+  require_valid(layers);
+  std::vector<double> area(static_cast<std::size_t>(layers.n), 0.0);
+  for (std::size_t ball = 0; ball < state.size(); ++ball) {
+    if (state.kind[ball] != core::Kind::wall) continue;
+    if (const auto layer = layer_at(layers, state.position[ball][2])) area[*layer] += 4.0 * state.radius[ball] * state.radius[ball];
+  }
+  return area;
+}
+
+std::optional<Layers> whole_layers(const core::State& state, double height) {
+  GC_REQUIRE(height > 0.0, "layers {} m high: must be above 0 m", height);
+  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+  for (std::size_t ball = 0; ball < state.size(); ++ball) {
+    if (state.kind[ball] != core::Kind::wall) continue;
+    lowest = std::min(lowest, state.position[ball][2]);
+    highest = std::max(highest, state.position[ball][2]);
+  }
+  if (lowest > highest) return std::nullopt;
+  const double first = std::floor(lowest / height), end = std::max(first + 1.0, std::ceil(highest / height));
+  constexpr double kMostLayers = 1e6;
+  GC_REQUIRE(end - first <= kMostLayers, "layers {} m high over a wall from {} m to {} m: too many, take higher ones", height, lowest, highest);
+  return Layers{first * height, end * height, static_cast<int>(end - first)};
 }
 
 std::int64_t count_above(const core::State& state, double z) {

@@ -6,6 +6,7 @@
 #include "silo/geometry.hpp"
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 namespace grainclock::silo {
@@ -25,6 +26,14 @@ std::vector<double> packing_by_layer(const core::State& state, const SiloShape& 
 /// horizontal part of its total contact force (the paper's section 5.4), summed. The plug is not part of the wall.
 std::vector<double> wall_force_by_layer(const core::State& state, const std::vector<core::Contact>& contacts,
                                         const Layers& layers);
+
+/// Area of the wall by layer [m2] to which these forces belong: (2 r)^2 of each wall ball whose centre lies in the layer,
+/// as the paper takes the pressure on a wall ball (section 5.4), summed.
+std::vector<double> wall_area_by_layer(const core::State& state, const Layers& layers);
+
+/// The layers of this height [m] that hold the centres of the wall balls, their edges at whole multiples of it, so that walls that
+/// differ a little share them; nothing without a wall. Throws InputError unless height > 0.
+std::optional<Layers> whole_layers(const core::State& state, double height);
 
 /// Content balls whose centre is above z [m].
 std::int64_t count_above(const core::State& state, double z);

@@ -85,6 +85,41 @@ TEST(Measures, ContactOfAnUnknownWallBallIsRejected) {
   EXPECT_THROW(wall_force_by_layer(state, contacts, {0.0, 1.0, 1}), core::InputError);
 }
 
+TEST(Measures, WallAreaIsTheSquareAroundEachWallBall) {
+  State state;
+  state.add(0, Kind::wall, {5.0, 0.0, 7.1}, Vec3::Zero(), 0.5);
+  state.add(1, Kind::wall, {5.0, 1.0, 7.9}, Vec3::Zero(), 1.0);
+  state.add(2, Kind::wall, {5.0, 0.0, 9.0}, Vec3::Zero(), 0.25);  // closes the last layer
+  state.add(3, Kind::wall, {5.0, 0.0, 9.1}, Vec3::Zero(), 3.0);   // outside
+  state.add(4, Kind::content, {0.0, 0.0, 7.5}, Vec3::Zero(), 3.0);
+  state.add(5, Kind::plug, {0.0, 0.0, 7.5}, Vec3::Zero(), 3.0);
+  EXPECT_EQ(wall_area_by_layer(state, {7.0, 9.0, 2}), (std::vector<double>{5.0, 0.25}));
+}
+
+TEST(Measures, WholeLayersStandAtMultiplesOfTheirHeight) {
+  State state;
+  EXPECT_FALSE(whole_layers(state, 1.0));
+  state.add(0, Kind::wall, {5.0, 0.0, -0.1}, Vec3::Zero(), 0.2);
+  state.add(1, Kind::wall, {5.0, 0.0, 3.5}, Vec3::Zero(), 0.2);
+  state.add(2, Kind::content, {0.0, 0.0, 99.0}, Vec3::Zero(), 0.2);
+  const auto layers = whole_layers(state, 0.5);
+  ASSERT_TRUE(layers);
+  EXPECT_EQ(layers->z0, -0.5);
+  EXPECT_EQ(layers->z1, 3.5);  // the last layer holds its upper edge
+  EXPECT_EQ(layers->n, 8);
+  EXPECT_THROW(whole_layers(state, 0.0), core::InputError);
+  EXPECT_THROW(whole_layers(state, 1e-9), core::InputError);
+}
+
+TEST(Measures, ARingOfWallIsOneLayer) {
+  State state;
+  state.add(0, Kind::wall, {5.0, 0.0, 2.0}, Vec3::Zero(), 0.2);
+  const auto layers = whole_layers(state, 1.0);
+  ASSERT_TRUE(layers);
+  EXPECT_EQ(layers->n, 1);
+  EXPECT_EQ(wall_area_by_layer(state, *layers).size(), 1u);
+}
+
 TEST(Measures, ImpossibleLayersAreRejected) {
   EXPECT_THROW(packing_by_layer({}, {}, {0.0, 1.0, 0}), core::InputError);
   EXPECT_THROW(packing_by_layer({}, {}, {1.0, 1.0, 3}), core::InputError);
