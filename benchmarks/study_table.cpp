@@ -1,34 +1,19 @@
 #include "benchmarks/study_table.hpp"
 
-#include "core/files.hpp"
-#include "core/hdf5.hpp"
-#include "silo/provenance.hpp"
-
-#include <fmt/format.h>
-
 #include <limits>
+#include <string_view>
+#include <variant>
 
 namespace grainclock::benchmarks {
 namespace {
 
-std::string quoted(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"') out += '"';
-    out += c;
-  }
-  return out + '"';
-}
+struct Column {
+  std::string_view name;
+  std::string_view unit;  // empty: a pure number or a text
+  std::variant<std::string Row::*, Row::Number Row::*> field;
+};
 
-std::string cell(const Row& row, const Column& column) {
-  if (const auto* text = std::get_if<std::string Row::*>(&column.field)) return quoted(row.**text);
-  const Row::Number& number = row.*std::get<Row::Number Row::*>(column.field);
-  return number ? fmt::format("{}", *number) : "";
-}
-
-}  // namespace
-
+/// Every column, in the order of the file.
 const std::vector<Column>& columns() {
   static const std::vector<Column> all = {
       {"name", "", &Row::name},
@@ -61,52 +46,38 @@ const std::vector<Column>& columns() {
       {"missing_balls", "", &Row::missing_balls},
       {"velocity_error_rms", "", &Row::velocity_error_rms},
       {"rtol", "", &Row::rtol},
+      {"variant", "", &Row::variant},
+      {"roots", "", &Row::roots},
+      {"steps", "", &Row::steps},
+      {"restarts", "", &Row::restarts},
+      {"branch_changes", "", &Row::branch_changes},
+      {"scene", "", &Row::scene},
       {"start", "", &Row::start},
       {"status", "", &Row::status},
+      {"host", "", &Row::host},
+      {"threads", "", &Row::threads},
+      {"revision", "", &Row::revision},
   };
   return all;
 }
 
-std::string csv(const std::vector<Row>& rows) {
-  std::string text;
-  for (const Column& column : columns()) text += fmt::format("{}{}", text.empty() ? "" : ",", column.name);
-  text += '\n';
-  for (const Row& row : rows) {
-    bool first = true;
-    for (const Column& column : columns()) {
-      if (!first) text += ',';
-      text += cell(row, column);
-      first = false;
-    }
-    text += '\n';
-  }
-  return text;
-}
+}  // namespace
 
-void write_table(const std::filesystem::path& path, const std::vector<Row>& rows, const std::string& study_text,
-                 const core::Scene& scene, int threads) {
-  core::AsideFile aside(path);
-  core::Hdf5File file = core::Hdf5File::create(aside.part());
-  core::Hdf5Group study = file.create_group("study");
+Table study_table(const std::vector<Row>& rows) {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  Table table{"study", {}};
   for (const Column& column : columns()) {
-    const std::string name(column.name);
-    if (const auto* field = std::get_if<std::string Row::*>(&column.field)) {
-      std::vector<std::string> texts;
-      for (const Row& row : rows) texts.push_back(row.**field);
-      study.write_texts(name, texts);
+    TableColumn made{std::string(column.name), std::string(column.unit), {}};
+    if (const auto* text = std::get_if<std::string Row::*>(&column.field)) {
+      auto& values = made.values.emplace<std::vector<std::string>>();
+      for (const Row& row : rows) values.push_back(row.**text);
     } else {
-      std::vector<double> numbers;
-      for (const Row& row : rows) {
-        numbers.push_back((row.*std::get<Row::Number Row::*>(column.field)).value_or(std::numeric_limits<double>::quiet_NaN()));
-      }
-      study.write(name, numbers);
-      if (!column.unit.empty()) study.write_attribute(name, "unit", std::string(column.unit));
+      auto& values = made.values.emplace<std::vector<double>>();
+      for (const Row& row : rows) values.push_back((row.*std::get<Row::Number Row::*>(column.field)).value_or(kUnknown));
     }
+    table.columns.push_back(std::move(made));
   }
-  silo::write_provenance(file, threads, scene.seed, scene.text);
-  file.group("provenance").write_text("study", study_text);
-  file.close();
-  aside.commit();
+  return table;
 }
 
 }  // namespace grainclock::benchmarks

@@ -29,6 +29,12 @@ void print(const silo::Report& report, bool as_json) {
   fmt::print("{}", as_json ? report.json() + "\n" : report.text());
 }
 
+struct StudyOptions {
+  benchmarks::StudyCall call;
+  std::string job;
+  bool list = false, collect = false, no_charts = false;
+};
+
 /// The options of all sub-commands; each call sets those of its own.
 struct Options {
   std::string file, second, output;
@@ -36,8 +42,20 @@ struct Options {
   silo::RunOptions run;
   silo::ExportOptions exported{};
   benchmarks::CompareOptions compared;
+  StudyOptions study;
   bool json = false;
 };
+
+void study_call(const Options& o) {
+  benchmarks::StudyCall call = o.study.call;
+  call.study = o.file;
+  call.out = o.output;
+  call.threads = o.run.threads;
+  call.charts = !o.study.no_charts;
+  if (o.study.list) return fmt::print("{}", benchmarks::job_list(call));
+  if (!o.study.job.empty()) return benchmarks::run_job(call, o.study.job);
+  o.study.collect ? benchmarks::collect_study(call) : benchmarks::run_study(call);
+}
 
 CLI::App* command(CLI::App& app, const char* name, const char* text, std::function<void()> call) {
   CLI::App* sub = app.add_subcommand(name, text);
@@ -77,10 +95,17 @@ void add_commands(CLI::App& app, Options& o) {
   add_threads(check, o);
   add_json(check, o);
 
-  auto* study = command(app, "study", "The accuracy-versus-speed matrix: reference, methods, errors, costs",
-                        [&o] { benchmarks::run_study(o.file, o.output, o.run.threads); });
+  auto* study = command(app, "study", "Methods compared: runs what is not done yet, each job in a process of its own; tables and charts",
+                        [&o] { study_call(o); });
   study->add_option("STUDY", o.file, "Study file (TOML)")->required();
-  study->add_option("--out", o.output, "Output directory, new or empty")->required();
+  auto* out = study->add_option("--out", o.output, "Output directory: new, empty, or that of a study to go on with");
+  auto* list = study->add_flag("--list", o.study.list, "Print the ids of all jobs and run nothing");
+  auto* job = study->add_option("--job", o.study.job, "Run this one job, here")->excludes(list)->needs(out);
+  auto* collect = study->add_flag("--collect", o.study.collect, "Write tables and charts from the jobs that are done; all must be")
+                      ->excludes(list)->excludes(job)->needs(out);
+  study->add_option("--jobs", o.study.call.processes, "Jobs at once; with more than one the wall clock is not to be trusted")
+      ->excludes(list)->excludes(job)->excludes(collect)->check(CLI::Range(1, 1024))->capture_default_str();
+  study->add_flag("--no-charts", o.study.no_charts, "Write tables only");
   add_threads(study, o);
 
   auto* compare = command(app, "compare", "Error measures of A against the reference B, two runs or states",

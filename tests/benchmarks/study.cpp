@@ -1,61 +1,15 @@
-#include "benchmarks/study.hpp"
-
 #include "benchmarks/study_plan.hpp"
 #include "benchmarks/study_table.hpp"
-#include "core/check.hpp"
-#include "core/files.hpp"
 #include "core/hdf5.hpp"
-#include "core/snapshot.hpp"
-
-#include <gtest/gtest.h>
-#include <unistd.h>
-
-#include <filesystem>
-#include <map>
-#include <sstream>
+#include "tests/benchmarks/study_files.hpp"
 
 namespace grainclock::benchmarks {
 namespace {
 
 namespace fs = std::filesystem;
-using core::Kind;
-using core::Vec3;
 
-/// A directory of its own for each test, with a scene of eight balls that fall onto a floor of fixed balls.
-class StudyFiles : public testing::Test {
+class StudyPlan : public StudyFiles {
  protected:
-  void SetUp() override {
-    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    dir_ = fs::temp_directory_path() / fmt::format("grainclock-{}-{}-{}", info->test_suite_name(), info->name(), ::getpid());
-    fs::create_directories(dir_);
-    core::State state;
-    core::BallId ball = 0;
-    for (const double x : {0.0, 0.41}) {
-      for (const double y : {0.0, 0.42}) {
-        for (const double z : {0.45, 0.88}) {  // neighbours overlap, the floor does not yet
-          state.add(ball, Kind::content, Vec3(x, y, z + 0.003 * static_cast<double>(ball)), Vec3(0.1 * x, 0.2, -0.5), 0.22);
-          ++ball;
-        }
-      }
-    }
-    for (const double x : {-0.4, 0.0, 0.4, 0.8}) {
-      for (const double y : {-0.4, 0.0, 0.4, 0.8}) state.add(ball++, Kind::wall, Vec3(x, y, 0.05 * x), Vec3::Zero(), 0.22);
-    }
-    core::write_state((dir_ / "start.csv").string(), state);
-    core::write_text(dir_ / "scene.toml", R"([initial]
-state = "start.csv"
-[[phase]]
-name = "fall"
-duration = 0.02
-outlet = "open"
-)");
-  }
-  void TearDown() override { fs::remove_all(dir_); }
-
-  std::string write(const std::string& text) const {
-    core::write_text(dir_ / "study.toml", text);
-    return (dir_ / "study.toml").string();
-  }
   Study read(const std::string& text) const { return read_study(write(text)); }
   std::string complaint(const std::string& text) const {
     try {
@@ -65,43 +19,7 @@ outlet = "open"
     }
     return "none";
   }
-  /// Runs the study; its rows as column -> text.
-  std::vector<std::map<std::string, std::string>> run(const std::string& text) const {
-    run_study(write(text), (dir_ / "out").string(), 1);
-    std::istringstream lines(core::read_text(dir_ / "out" / "study.csv"));
-    std::string line;
-    std::getline(lines, line);
-    std::vector<std::map<std::string, std::string>> rows;
-    while (std::getline(lines, line)) {
-      auto& row = rows.emplace_back();
-      std::istringstream cells(line);
-      for (const Column& column : columns()) {
-        std::string cell;
-        if (cells.peek() == '"') {  // quoted: up to the closing quote; these tests have no quotes inside
-          cells.get();
-          std::getline(cells, cell, '"');
-          cells.get();
-        } else {
-          std::getline(cells, cell, ',');
-        }
-        row[std::string(column.name)] = cell;
-      }
-    }
-    return rows;
-  }
-
-  fs::path dir_;
 };
-
-const std::string kHead = R"(scene = "scene.toml"
-start = "start.csv"
-horizon = 0.02
-repeat = 1
-[reference]
-step = 1e-6
-)";
-
-using StudyPlan = StudyFiles;
 using StudyRun = StudyFiles;
 
 TEST_F(StudyPlan, ListsAreSweptAsCartesianProduct) {
@@ -129,8 +47,72 @@ tolerance = [1e-3, 1e-4]
 TEST_F(StudyPlan, SundialsTakesATolerance) {
   const Study study = read(kHead + "[[method]]\nmethod = \"cvode\"\nrtol = [1e-4, 1e-6]\n");
   ASSERT_EQ(study.points.size(), 2u);
-  EXPECT_EQ(study.points[1].solver, Solver::cvode);
-  EXPECT_EQ(study.points[1].rtol, 1e-6);
+  EXPECT_EQ(method_name(study.points[1]), "cvode");
+  ASSERT_TRUE(study.points[1].sundials.has_value());
+  EXPECT_EQ(study.points[1].sundials->rtol, 1e-6);
+}
+
+TEST_F(StudyPlan, SundialsVariantsAreSchemes) {
+  const struct {
+    const char *method, *variant;
+    Scheme scheme;
+  } cases[] = {{"cvode", "", Scheme::cvode_adams},          {"cvode", "adams", Scheme::cvode_adams},
+               {"cvode", "bdf", Scheme::cvode_bdf},         {"arkode", "", Scheme::erkstep},
+               {"arkode", "erk", Scheme::erkstep},          {"arkode", "implicit", Scheme::arkstep_implicit},
+               {"arkode", "imex", Scheme::arkstep_imex},    {"arkode", "mri", Scheme::mristep}};
+  for (const auto& one : cases) {
+    std::string text = kHead + fmt::format("[[method]]\nmethod = \"{}\"\nrtol = 1e-6\nroots = true\n", one.method);
+    if (*one.variant) text += fmt::format("variant = \"{}\"\n", one.variant);
+    if (one.scheme == Scheme::mristep) text += "step = 1e-4\n";
+    const Point point = read(text).points.at(0);
+    ASSERT_TRUE(point.sundials.has_value());
+    EXPECT_EQ(point.sundials->scheme, one.scheme);
+    EXPECT_TRUE(point.sundials->roots);
+    EXPECT_EQ(method_name(point), one.method);
+    EXPECT_EQ(point.sundials->slow_step, one.scheme == Scheme::mristep ? 1e-4 : 0.0);
+  }
+  EXPECT_FALSE(read(kHead + "[[method]]\nmethod = \"cvode\"\nrtol = 1e-6\n").points.at(0).sundials->roots);
+}
+
+TEST_F(StudyPlan, AMethodMayRepeatMoreOrLessThanTheStudy) {
+  const Study study = read(kHead + "[[method]]\nrepeat = 7\n[[method]]\n");
+  EXPECT_EQ(study.points.at(0).repeat, 7);
+  EXPECT_EQ(study.points.at(1).repeat, 1);
+}
+
+TEST_F(StudyPlan, AReferenceIsCheckedByACoarserOne) {
+  const Study fine = read(kHead + "[[method]]\n");
+  EXPECT_EQ(coarser(fine.reference).stepping.step, 2e-6);
+  std::string text = kHead;
+  text.replace(text.find("step = 1e-6"), 11, "method = \"cvode\"\nrtol = 1e-9\nroots = true");
+  const Point reference = read(text + "[[method]]\n").reference, check = coarser(reference);
+  EXPECT_EQ(reference.sundials->rtol, 1e-9);
+  EXPECT_DOUBLE_EQ(check.sundials->rtol, 1e-8);
+  EXPECT_TRUE(check.sundials->roots);
+  EXPECT_EQ(check.name, "reference_check");
+}
+
+TEST_F(StudyPlan, DivergenceHasItsOwnHorizon) {
+  EXPECT_FALSE(read(kHead + "[[method]]\n").divergence.has_value());
+  const auto divergence = read(kHead + "[[method]]\n[divergence]\nstep = 1e-5\n").divergence;
+  ASSERT_TRUE(divergence.has_value());
+  EXPECT_EQ(divergence->horizon, 0.02);
+  EXPECT_EQ(divergence->perturbation, 1e-12);
+  EXPECT_EQ(divergence->samples, 64);
+  EXPECT_EQ(read(kHead + "[[method]]\n[divergence]\nstep = 1e-5\nhorizon = 0.5\n").divergence->horizon, 0.5);
+}
+
+TEST_F(StudyPlan, KeysTextTellsWhatChangesResultsAndNothingElse) {
+  const auto text_of = [this](const std::string& method) { return keys_text(read(kHead + "[[method]]\n" + method).points.at(0)); };
+  const std::string plain = text_of("tolerance = 1e-4\n");
+  EXPECT_EQ(text_of("name = \"ours\"\nrepeat = 5\n"), plain);  // 1e-4 is the default
+  EXPECT_NE(text_of("tolerance = 2e-4\n"), plain);
+  EXPECT_NE(text_of("levels = 7\n"), plain);
+  EXPECT_NE(text_of("step = 1e-4\n"), plain);
+  const std::string adams = text_of("method = \"cvode\"\nrtol = 1e-6\n");
+  EXPECT_EQ(text_of("method = \"cvode\"\nvariant = \"adams\"\nrtol = 1e-6\n"), adams);
+  EXPECT_NE(text_of("method = \"cvode\"\nvariant = \"bdf\"\nrtol = 1e-6\n"), adams);
+  EXPECT_NE(text_of("method = \"cvode\"\nroots = true\nrtol = 1e-6\n"), adams);
 }
 
 TEST_F(StudyPlan, PathsAreLookedForBesideTheStudy) {
@@ -144,7 +126,7 @@ TEST_F(StudyPlan, SeveralStartStatesMayBeGiven) {
 }
 
 TEST_F(StudyPlan, ErrorsNameFileLineValueAndRemedy) {
-  const auto line = [this](int n) { return fmt::format("study.toml:{}: ", n); };
+  const auto line = [this](int n) { return fmt::format("my.toml:{}: ", n); };
   const struct {
     std::string text, place, says;
   } cases[] = {
@@ -156,10 +138,18 @@ TEST_F(StudyPlan, ErrorsNameFileLineValueAndRemedy) {
       {kHead + "[[method]]\nlevels = 13\n", line(8), "13"},
       {kHead + "[[method]]\ntolerance = []\n", line(8), "empty list"},
       {kHead + "[[method]]\nmethod = \"arkode\"\nrtol = 2.0\n", line(9), "between 0 and 1"},
+      {kHead + "[[method]]\nmethod = \"cvode\"\nrtol = 1e-6\nvariant = \"erk\"\n", line(10), "bdf"},
+      {kHead + "[[method]]\nmethod = \"arkode\"\nrtol = 1e-6\nvariant = \"mri\"\n", line(7), "slow step"},
+      {kHead + "[[method]]\nmethod = \"arkode\"\nrtol = 1e-6\nstep = 1e-4\n", line(10), "mri"},
+      {kHead + "[[method]]\nmethod = \"cvode\"\nrtol = 1e-6\ntolerance = 1e-4\n", line(10), "tolerance"},
+      {kHead + "[[method]]\nrepeat = 0\n", line(8), "1 to 1000"},
+      {kHead + "repeat = 3\n[[method]]\n", line(7), "repeat"},
+      {kHead + "[[method]]\n[divergence]\nsamples = 64\n", line(8), "step is missing"},
+      {kHead + "[[method]]\n[divergence]\nstep = 1e-5\nsamples = 3\n", line(10), "4 to 100000"},
       {kHead + "[[method]]\ninterface = \"glue\"\n", line(8), "accumulate"},
       {kHead + "steps = 3\n[[method]]\n", line(7), "steps"},
-      {"horizon = \"long\"\n" + kHead + "[[method]]\n", "study.toml:", ""},
-      {kHead, "study.toml", "[[method]]"},
+      {"horizon = \"long\"\n" + kHead + "[[method]]\n", "my.toml:", ""},
+      {kHead, "my.toml", "[[method]]"},
       {"scene = \n", line(1), "TOML"},
   };
   for (const auto& wrong : cases) {
@@ -177,21 +167,11 @@ TEST_F(StudyPlan, MissingFilesAreFileErrors) {
 }
 
 TEST(StudyTable, ColumnsBeginAsTheContractSays) {
-  const std::string header = csv({});
+  const std::string header = csv(study_table({}));
   EXPECT_EQ(header.find("name,method,method_used,integrator,events,dashpot,interface,step,tolerance,levels,error_rms,"
                         "error_median,error_p99,error_wall_force,momentum_residual,energy_residual,contact_evaluations,"
                         "ball_updates,wall_s,ideal_gain,counted_gain,measured_gain"),
             0u);
-}
-
-TEST(StudyTable, UnknownNumbersAreEmptyAndTextsQuotedWhereNeeded) {
-  Row row;
-  row.name = "a, \"b\"";
-  row.step = 0.1;
-  row.contact_evaluations = 123456789012.0;
-  const std::string text = csv({row});
-  const std::string line = text.substr(text.find('\n') + 1);
-  EXPECT_EQ(line.find("\"a, \"\"b\"\"\",,,,,,,0.1,,,,,,,,,123456789012,,"), 0u) << line;
 }
 
 TEST_F(StudyRun, ErrorsFallWithTheStepAndEveryPointHasARow) {
@@ -229,7 +209,7 @@ tolerance = 1e-4
   const auto file = core::Hdf5File::open(dir_ / "out" / "study.h5");
   EXPECT_EQ(file.group("study").read<double>("error_rms").size(), 6u);
   EXPECT_EQ(file.group("study").read<double>("error_rms")[2], number(2, "error_rms"));
-  EXPECT_EQ(std::distance(fs::directory_iterator(dir_ / "out"), fs::directory_iterator()), 2);
+  EXPECT_EQ(std::distance(fs::directory_iterator(dir_ / "out"), fs::directory_iterator()), 4);  // and study.csv, study.toml, jobs
 }
 
 TEST_F(StudyRun, SundialsConvergesToTheSameTrajectory) {
@@ -270,6 +250,50 @@ TEST_F(StudyRun, ACoarseReferenceIsNotAccepted) {
 TEST_F(StudyRun, WrongInputLeavesNoOutputBehind) {
   EXPECT_THROW(run(kHead + "[[method]]\nlevels = 0\n"), core::InputError);
   EXPECT_FALSE(fs::exists(dir_ / "out"));
+}
+
+TEST_F(StudyRun, KeysThatNoStepperOffersTogetherShowBeforeAnythingRuns) {
+  EXPECT_THROW(run(kHead + "[[method]]\nmethod = \"uniform\"\nstep = 1e-5\n[[method]]\nintegrator = \"lagged\"\n"), core::InputError);
+  EXPECT_FALSE(fs::exists(out_));
+}
+
+TEST_F(StudyRun, AnUnknownKindIsAnError) {
+  const std::string said = tests::message_of<core::InputError>([this] { run("kind = \"horoscope\"\n" + kHead + "[[method]]\n"); });
+  EXPECT_NE(said.find("my.toml:1: "), std::string::npos) << said;
+  EXPECT_NE(said.find("trajectories"), std::string::npos) << said;
+}
+
+TEST_F(StudyRun, SundialsMayBeTheReference) {
+  std::string text = kHead;
+  text.replace(text.find("step = 1e-6"), 11, "method = \"cvode\"\nrtol = 1e-10");
+  const auto rows = run(text + "[[method]]\nmethod = \"uniform\"\nstep = [2e-5, 1e-5]\n");
+  ASSERT_EQ(rows.size(), 4u);
+  EXPECT_EQ(rows[2].at("name"), "reference");
+  EXPECT_EQ(rows[2].at("variant"), "adams");
+  EXPECT_EQ(rows[2].at("status"), "ok") << rows[2].at("status");
+  EXPECT_EQ(rows[2].at("rtol"), "1e-10");
+  EXPECT_DOUBLE_EQ(std::stod(rows[3].at("rtol")), 1e-9);
+  // A uniform step is one sweep over the listed pairs. These are counted at the end; of 8 falling balls they come and go.
+  const double sweeps_per_step = std::stod(rows[1].at("sweeps")) / std::stod(rows[1].at("steps"));
+  EXPECT_GT(sweeps_per_step, 0.5);
+  EXPECT_LT(sweeps_per_step, 2.0);
+}
+
+TEST_F(StudyRun, DivergenceIsMeasuredFromEveryStart) {
+  const auto rows = run(kHead + "[[method]]\nmethod = \"uniform\"\nstep = 1e-5\n[divergence]\nstep = 1e-5\nhorizon = 0.04\nsamples = 8\n");
+  ASSERT_EQ(rows.size(), 3u);
+  const auto series = csv_rows(out_ / "divergence.csv");
+  ASSERT_EQ(series.size(), 9u);
+  EXPECT_EQ(series[0].at("start"), "start");
+  EXPECT_EQ(series[0].at("time"), "0");
+  EXPECT_DOUBLE_EQ(std::stod(series[8].at("time")), 0.04);
+  // Each axis is uniform in +-1e-12: the rms of eight balls scatters by about a fifth around it, the largest is below sqrt(3) of it.
+  EXPECT_NEAR(std::stod(series[0].at("separation_rms")), 1e-12, 0.6e-12);
+  EXPECT_LT(std::stod(series[0].at("separation_max")), 1.74e-12);
+  // Eight balls dropped once do not part by orders of magnitude.
+  EXPECT_LT(std::stod(series[8].at("separation_rms")), 1e-9);
+  EXPECT_EQ(csv_rows(out_ / "horizon.csv").size(), 1u);
+  EXPECT_EQ(core::Hdf5File::open(out_ / "study.h5").group("divergence").read<double>("separation_rms").size(), 9u);
 }
 
 TEST_F(StudyRun, OutputThatIsNotEmptyIsRefused) {
