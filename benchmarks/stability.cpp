@@ -245,6 +245,7 @@ PressedSystem pressed_packing(double damping_ratio, State settled) {
 }
 
 State small_packing() {
+  constexpr std::uint64_t kSeed = 4;  // of the first eight the one that comes to rest soonest
   silo::SiloShape shape;
   shape.half_width = 0.75;
   shape.height = 1.8;
@@ -253,7 +254,7 @@ State small_packing() {
   shape.balls = 32;
   shape.surface = silo::Surface::inner;
   shape.collar = 4.0;
-  silo::Silo silo = silo::build_silo(shape, 1);
+  silo::Silo silo = silo::build_silo(shape, kSeed);
   core::StepperSetup setup = settling_setup(silo.state);
   setup.first_impact = true;
   const auto filling = core::make_uniform_stepper(silo.state, setup);
@@ -264,11 +265,11 @@ State small_packing() {
 }
 
 State settled(State state, std::string_view source) {
-  constexpr int kSteps = 400000, kLook = 1000;
+  constexpr int kSteps = 600000, kLook = 1000;
   for (Vec3& v : state.velocity) v.setZero();
   const core::StepperSetup setup = settling_setup(state);
   const double r = radii_of(state).mean();
-  const double at_rest = 1e-12 * setup.materials.mass(r) * kGravity * r * static_cast<double>(state.count(Kind::content));
+  const double at_rest = 1e-16 * setup.materials.mass(r) * kGravity * r * static_cast<double>(state.count(Kind::content));
   const auto stepper = core::make_uniform_stepper(state, setup);
   for (int done = 0; done < kSteps; done += kLook) {
     stepper->advance(kLook);

@@ -35,7 +35,7 @@ PressedSystem pressed_packing(double damping_ratio, core::State settled);
 
 /// A small silo (32 balls), filled and settled.
 core::State small_packing();
-/// Lets a packing come to rest under its weight, plug closed: kinetic energy per ball below 1e-12 m g r.
+/// Lets a packing come to rest under its weight, plug closed: kinetic energy per ball below 1e-16 m g r.
 /// Throws NumericsError where it does not within a fixed time, naming `source`.
 core::State settled(core::State state, std::string_view source);
 
