@@ -106,6 +106,7 @@ double discharge_rate(const std::vector<double>& time, const std::vector<double>
 
 Stoppages stoppages(const std::vector<double>& time, const std::vector<double>& discharged, double at_least) {
   require_series(time, discharged);
+  GC_REQUIRE(at_least > 0.0, "stoppages of at least {} s: must be above 0 s", at_least);
   // Times are multiples of the sampling; a rounding must not decide.
   constexpr double kGuard = 1.0 - 1e-9;
   Stoppages found;
@@ -114,7 +115,7 @@ Stoppages stoppages(const std::vector<double>& time, const std::vector<double>& 
     last = first;
     while (last + 1 < time.size() && discharged[last + 1] == discharged[first]) ++last;
     const double length = time[last] - time[first];
-    if (last == first || length < kGuard * at_least) continue;
+    if (length < kGuard * at_least) continue;
     ++found.count;
     total += length;
   }

@@ -44,7 +44,7 @@ struct Stoppages {
 
 /// A stoppage is a longest run of samples with one and the same count whose first and last are at least `at_least` [s]
 /// apart; its length is that distance. So the time between two balls is longer by up to two samplings, and a
-/// stoppage at either end of the series counts with what is seen of it. Throws InputError below two samples.
+/// stoppage at either end of the series counts with what is seen of it. Throws InputError below two samples or unless at_least > 0.
 Stoppages stoppages(const std::vector<double>& time, const std::vector<double>& discharged, double at_least);
 
 }  // namespace grainclock::benchmarks

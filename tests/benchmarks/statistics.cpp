@@ -162,6 +162,7 @@ TEST(Statistics, StoppagesAreRunsOfOneCountThatLastLongEnough) {
   EXPECT_EQ(stoppages(times(count.size()), count, 0.1).count, 4u);
   EXPECT_EQ(stoppages(times(count.size()), count, 0.21).count, 1u);
   EXPECT_EQ(stoppages(times(count.size()), count, 0.5).count, 0u);
+  EXPECT_THROW(stoppages(times(count.size()), count, 0.0), core::InputError);
 }
 
 TEST(Statistics, SteadyFlowHasNoStoppageAndAnArchIsOneOnly) {
