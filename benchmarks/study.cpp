@@ -2,6 +2,8 @@
 
 #include "benchmarks/jobs.hpp"
 #include "benchmarks/progress.hpp"
+#include "benchmarks/stability_study.hpp"
+#include "benchmarks/statistics_study.hpp"
 #include "benchmarks/study_plan.hpp"
 #include "benchmarks/trajectories_study.hpp"
 #include "core/check.hpp"
@@ -145,7 +147,7 @@ void draw_charts(const fs::path& dir, const Progress& progress) {
   JobProcesses children(1);
   children.start("charts", kPython, {script.string(), dir.string()}, log);
   const Ended ended = children.next();
-  if (ended.code == core::ExitCode::done) return;
+  if (ended.code == core::ExitCode::done) return progress.note(fmt::format("charts: {}", (dir / "*.png").string()));
   const std::string last_line = ended.message.substr(ended.message.rfind('\n') + 1);
   progress.note(fmt::format("no charts: {}; install python3-h5py and python3-matplotlib, or see {}", last_line, log.string()));
 }
@@ -170,7 +172,9 @@ void write_results(const StudyCall& call, const StudyKind& study, const StudyDir
 
 std::unique_ptr<StudyKind> make_study(const std::string& path, int threads) {
   const toml::table root = parse_study(core::read_text(path), path);
-  (void)core::TomlKeys(root, "", path).choice("kind", {"trajectories"});
+  const auto kind = core::TomlKeys(root, "", path).choice("kind", {"trajectories", "statistics", "stability"});
+  if (kind == "statistics") return read_statistics_study(path, threads);
+  if (kind == "stability") return read_stability_study(path, threads);
   return read_trajectories_study(path, threads);
 }
 
