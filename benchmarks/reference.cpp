@@ -50,6 +50,7 @@ Context make_context() {
 Vector make_vector(std::size_t n, const Context& context) {
   Vector vector(N_VNew_Serial(static_cast<sunindextype>(n), context.get()));
   if (!vector) throw core::NumericsError(fmt::format("SUNDIALS: no memory for {} unknowns", n));
+  N_VEnableFusedOps_Serial(vector.get(), 1);  // combinations of many vectors in one pass
   return vector;
 }
 
