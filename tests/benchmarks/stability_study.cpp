@@ -266,7 +266,7 @@ TEST_F(StabilityStudyFiles, PackingsAreCheckedWhenTheStudyIsRead) {
 
 TEST(StabilityStudy, ThatOfTheBenchmarksReads) {
   const auto study = read_stability_study(std::string(GRAINCLOCK_SOURCE) + "/benchmarks/stability.toml", 1);
-  EXPECT_EQ(study->jobs().size(), 4u * 3u * 5u + 4u * 3u);
+  EXPECT_EQ(study->jobs().size(), 4u * 3u * 8u + 4u * 3u);
 }
 
 }  // namespace

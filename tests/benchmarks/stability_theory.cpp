@@ -16,7 +16,7 @@ using core::Integrator;
 using tests::Random;
 
 constexpr Integrator kIntegrators[] = {Integrator::lagged, Integrator::predicted, Integrator::pece};
-constexpr double kDampingRatios[] = {0.0, 0.02, 0.1, 0.3, 0.49, 0.5, 0.55, 0.6, 1.0, 3.0};
+constexpr double kDampingRatios[] = {0.0, 0.02, 0.1, 0.3, 0.49, 0.5, 0.52, 0.55, 0.6, 1.0, 3.0};
 constexpr double kFrequency = 3.0;  // 1/s
 
 LinearSystem mode(double damping_ratio) {
