@@ -91,8 +91,8 @@ Distances distances(const State& a, const State& b) {
     if (other != rows.end()) apart.push_back(distance(a.position[row], b.position[other->second]));
   }
   if (apart.empty()) return {};
-  return {root_mean_square(apart), quantile(apart, 0.5), quantile(apart, 0.99), *std::max_element(apart.begin(), apart.end()),
-          apart.size()};
+  return {root_mean_square(apart), quantile(apart, 0.5), quantile(apart, 0.99),
+          *std::max_element(apart.begin(), apart.end()), apart.size()};
 }
 
 double quantile(std::vector<double> sample, double q) {
@@ -116,8 +116,8 @@ double relative_l2(const std::vector<double>& a, const std::vector<double>& refe
              reference.size());
   double difference = 0.0, norm = 0.0;
   for (std::size_t i = 0; i < a.size(); ++i) {
-    GC_REQUIRE(std::isfinite(reference[i]), "relative error: value {} of the reference is {}; take a reference that did not fail", i,
-               reference[i]);
+    GC_REQUIRE(std::isfinite(reference[i]),
+               "relative error: value {} of the reference is {}; take a reference that did not fail", i, reference[i]);
     difference += (a[i] - reference[i]) * (a[i] - reference[i]);
     norm += reference[i] * reference[i];
   }

@@ -19,20 +19,20 @@ struct ErrorSummary {
 };
 
 struct TrajectoryErrors {
-  ErrorSummary position;       // |x - x_ref| over the rms displacement of the reference
-  ErrorSummary velocity;       // |v - v_ref| over the rms speed of the reference
-  double displacement = 0.0;   // m, the scale of `position`
-  double speed = 0.0;          // m/s, the scale of `velocity`
-  std::size_t compared = 0;    // content balls of the start above the outlet plane in the reference and in the result
-  std::size_t missing = 0;     // of those above it in the reference, the ones that the result no longer has
+  ErrorSummary position;      // |x - x_ref| over the rms displacement of the reference
+  ErrorSummary velocity;      // |v - v_ref| over the rms speed of the reference
+  double displacement = 0.0;  // m, the scale of `position`
+  double speed = 0.0;         // m/s, the scale of `velocity`
+  std::size_t compared = 0;   // content balls of the start above the outlet plane in the reference and in the result
+  std::size_t missing = 0;    // of those above it in the reference, the ones that the result no longer has
 };
 
 /// Compares by id the content balls whose centre is not below `outlet_z` [m] in the reference
 /// (all of them without a plane): falling balls would dilute the error. The scales are over the same balls,
 /// missing ones included, so that no result moves its own yardstick. Throws InputError if no ball
 /// can be compared, if nothing moved, since no relative error exists then, or if the reference is not finite.
-TrajectoryErrors trajectory_errors(const core::State& start, const core::State& reference,
-                                   const core::State& result, std::optional<double> outlet_z);
+TrajectoryErrors trajectory_errors(const core::State& start, const core::State& reference, const core::State& result,
+                                   std::optional<double> outlet_z);
 
 /// How far apart two states are, with no start to tell what is much.
 struct Distances {

@@ -14,7 +14,8 @@ namespace {
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr double kTwoSided95 = 0.975;  // quantile of a two-sided interval of 95 %
 
-/// Student's t written as t = sqrt(freedom) tan(angle): its density by angle, but for a constant. It falls as the angle grows.
+/// Student's t written as t = sqrt(freedom) tan(angle): its density by angle, but for a constant. It falls as the angle
+/// grows.
 double density(double angle, double freedom) { return std::pow(std::cos(angle), freedom - 1.0); }
 
 /// Integral of the density from 0 to this angle, by Simpson's rule.
@@ -47,7 +48,8 @@ Interval interval(std::size_t n, double centre, double squared, double freedom) 
 
 void require_series(const std::vector<double>& time, const std::vector<double>& discharged) {
   GC_REQUIRE(time.size() == discharged.size() && time.size() >= 2 && time.front() < time.back(),
-             "discharge: {} times and {} counts; give as many of both, at least two, over some time", time.size(), discharged.size());
+             "discharge: {} times and {} counts; give as many of both, at least two, over some time", time.size(),
+             discharged.size());
 }
 
 }  // namespace
@@ -94,8 +96,9 @@ Interval difference_interval(const std::vector<double>& a, const std::vector<dou
   if (n < 2) return {n, difference, kUnknown, kUnknown};
   const double error_a = squared_error(known_a), error_b = squared_error(known_b), both = error_a + error_b;
   // Welch and Satterthwaite's freedom, between that of the smaller group and that of both together.
-  const double freedom = both * both / (error_a * error_a / static_cast<double>(known_a.size() - 1) +
-                                        error_b * error_b / static_cast<double>(known_b.size() - 1));
+  const double freedom = both * both /
+                         (error_a * error_a / static_cast<double>(known_a.size() - 1) +
+                          error_b * error_b / static_cast<double>(known_b.size() - 1));
   return interval(n, difference, both, freedom);
 }
 

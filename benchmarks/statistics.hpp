@@ -16,9 +16,9 @@ double student_t(double p, double freedom);
 
 /// A mean with its two-sided 95 % confidence interval.
 struct Interval {
-  std::size_t n = 0;            // values that are known
-  double mean = 0.0;            // nan without values
-  double low = 0.0, high = 0.0; // nan below two values: nothing is known of their spread
+  std::size_t n = 0;             // values that are known
+  double mean = 0.0;             // nan without values
+  double low = 0.0, high = 0.0;  // nan below two values: nothing is known of their spread
   bool contains(double value) const { return low <= value && value <= high; }
 };
 
@@ -44,7 +44,8 @@ struct Stoppages {
 
 /// A stoppage is a longest run of samples with one and the same count whose first and last are at least `at_least` [s]
 /// apart; its length is that distance. So the time between two balls is longer by up to two samplings, and a
-/// stoppage at either end of the series counts with what is seen of it. Throws InputError below two samples or unless at_least > 0.
+/// stoppage at either end of the series counts with what is seen of it. Throws InputError below two samples or unless
+/// at_least > 0.
 Stoppages stoppages(const std::vector<double>& time, const std::vector<double>& discharged, double at_least);
 
 }  // namespace grainclock::benchmarks

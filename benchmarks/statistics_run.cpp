@@ -42,7 +42,9 @@ struct Reader {
   void operator()(const char* name, const char*, std::string& text) { text = group.read_text(name); }
   void operator()(const char* name, const char*, Numbers& numbers) { numbers = group.read<double>(name); }
   template <class Number>
-  void operator()(const char* name, const char*, Number& number) { number = group.read<Number>(name).at(0); }
+  void operator()(const char* name, const char*, Number& number) {
+    number = group.read<Number>(name).at(0);
+  }
 };
 
 /// One list of fields for writing and reading. Changing it needs a new kFormat in statistics_study.cpp.
@@ -68,7 +70,8 @@ void each_field(Access& access, Run& run) {
 }
 
 /// Adds a sample of what the stepper stands at; `start` holds every wall ball.
-void sample(LongRun& run, const core::Stepper& stepper, const core::State& start, const std::optional<silo::Layers>& layers, double time) {
+void sample(LongRun& run, const core::Stepper& stepper, const core::State& start, const std::optional<silo::Layers>& layers,
+            double time) {
   run.time.push_back(time);
   run.discharged.push_back(static_cast<double>(stepper.ledger().discharged));
   run.kinetic_energy.push_back(stepper.energies().kinetic);
@@ -79,7 +82,8 @@ void sample(LongRun& run, const core::Stepper& stepper, const core::State& start
 
 }  // namespace
 
-LongRun run_long(const core::Scene& scene, const core::State& start, const core::Stepping& stepping, const Sampling& sampling, int threads) {
+LongRun run_long(const core::Scene& scene, const core::State& start, const core::Stepping& stepping,
+                 const Sampling& sampling, int threads) {
   core::Phase phase = scene.phases.front();
   phase.stepping = stepping;
   phase.every = sampling.every;
@@ -107,8 +111,9 @@ LongRun run_long(const core::Scene& scene, const core::State& start, const core:
       stepper->advance(steps);
       run.wall_s += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
       sample(run, *stepper, start, layers, static_cast<double>(k) * sampling.every);
-      GC_REQUIRE(stepper->ledger().discharged < content, "the silo of {} balls is empty {:.6g} s after the start; take a shorter duration",
-                 content, run.time.back());
+      GC_REQUIRE(stepper->ledger().discharged < content,
+                 "the silo of {} balls is empty {:.6g} s after the start; take a shorter duration", content,
+                 run.time.back());
     }
     run.momentum_residual = core::momentum_residual(before, stepper->energies(), stepper->ledger());
     run.energy_residual = core::energy_residual(before, stepper->energies(), stepper->ledger());
@@ -143,26 +148,40 @@ LongRun read_long_run(const std::filesystem::path& path) {
 
 std::string_view name(Quantity quantity) {
   switch (quantity) {
-    case Quantity::discharge_rate: return "discharge_rate";
-    case Quantity::stoppages: return "stoppages";
-    case Quantity::stoppage_length: return "stoppage_length";
-    case Quantity::stoppage_share: return "stoppage_share";
-    case Quantity::kinetic_energy: return "kinetic_energy";
-    case Quantity::wall_force: return "wall_force";
-    case Quantity::wall_pressure: return "wall_pressure";
+    case Quantity::discharge_rate:
+      return "discharge_rate";
+    case Quantity::stoppages:
+      return "stoppages";
+    case Quantity::stoppage_length:
+      return "stoppage_length";
+    case Quantity::stoppage_share:
+      return "stoppage_share";
+    case Quantity::kinetic_energy:
+      return "kinetic_energy";
+    case Quantity::wall_force:
+      return "wall_force";
+    case Quantity::wall_pressure:
+      return "wall_pressure";
   }
   return "?";
 }
 
 std::string_view unit(Quantity quantity) {
   switch (quantity) {
-    case Quantity::discharge_rate: return "s-1";
-    case Quantity::stoppages: return "";
-    case Quantity::stoppage_length: return "s";
-    case Quantity::stoppage_share: return "";
-    case Quantity::kinetic_energy: return "J";
-    case Quantity::wall_force: return "N";
-    case Quantity::wall_pressure: return "Pa";
+    case Quantity::discharge_rate:
+      return "s-1";
+    case Quantity::stoppages:
+      return "";
+    case Quantity::stoppage_length:
+      return "s";
+    case Quantity::stoppage_share:
+      return "";
+    case Quantity::kinetic_energy:
+      return "J";
+    case Quantity::wall_force:
+      return "N";
+    case Quantity::wall_pressure:
+      return "Pa";
   }
   return "?";
 }

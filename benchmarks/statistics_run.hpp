@@ -23,13 +23,13 @@ struct Sampling {
 };
 
 struct LongRun {
-  std::string status = "ok";   // or "failed: " and why; the series then end before it
+  std::string status = "ok";  // or "failed: " and why; the series then end before it
   std::string method_used;
-  double step = 0.0;           // s, the coarsest
+  double step = 0.0;  // s, the coarsest
   core::Costs costs;
   double momentum_residual = 0.0, energy_residual = 0.0;  // nan if the run failed
-  double wall_s = 0.0;         // of the stepping alone
-  std::string host;            // read from a file only: where it ran
+  double wall_s = 0.0;                                    // of the stepping alone
+  std::string host;                                       // read from a file only: where it ran
 
   // A value per sample, the start's first.
   std::vector<double> time;            // s, since the start
@@ -37,16 +37,16 @@ struct LongRun {
   std::vector<double> kinetic_energy;  // J
   std::vector<double> wall_force;      // N, horizontal force by layer, lowest first, sample after sample
   // By layer; empty without a wall.
-  std::vector<double> layer_edges;     // m, whole multiples of Sampling::layer, one more than there are layers
-  std::vector<double> wall_area;       // m2
+  std::vector<double> layer_edges;  // m, whole multiples of Sampling::layer, one more than there are layers
+  std::vector<double> wall_area;    // m2
 
   bool is_ok() const { return status == "ok"; }
 };
 
 /// Runs the scene's first phase from this state with this stepping. Failing numerics are told by the status.
 /// Throws InputError for keys that no stepper offers, and if the silo runs empty: its rate would mean nothing.
-LongRun run_long(const core::Scene& scene, const core::State& start, const core::Stepping& stepping, const Sampling& sampling,
-                 int threads);
+LongRun run_long(const core::Scene& scene, const core::State& start, const core::Stepping& stepping,
+                 const Sampling& sampling, int threads);
 
 /// The run as HDF5 (/job), aside and renamed, with its provenance. Throws FileError.
 void write_long_run(const std::filesystem::path& path, const LongRun& run, const core::Scene& scene, int threads);
@@ -54,7 +54,15 @@ void write_long_run(const std::filesystem::path& path, const LongRun& run, const
 LongRun read_long_run(const std::filesystem::path& path);
 
 /// What is read off a run, in the order of the tables.
-enum class Quantity { discharge_rate, stoppages, stoppage_length, stoppage_share, kinetic_energy, wall_force, wall_pressure };
+enum class Quantity {
+  discharge_rate,
+  stoppages,
+  stoppage_length,
+  stoppage_share,
+  kinetic_energy,
+  wall_force,
+  wall_pressure
+};
 std::string_view name(Quantity quantity);
 std::string_view unit(Quantity quantity);
 

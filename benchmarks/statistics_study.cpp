@@ -47,15 +47,18 @@ void read_times(TomlKeys& keys, Plan& plan) {
     keys.require(value.has_value(), key, remedy);
     return *value;
   };
-  const double duration = needed("duration", "give the length of each run in s"), every = needed("every", "give the time between samples in s");
+  const double duration = needed("duration", "give the length of each run in s"),
+               every = needed("every", "give the time between samples in s");
   const double samples = duration / every;
   keys.require(is_whole(samples) && samples >= 1.0, "duration",
-               fmt::format("must be a whole multiple of every = {} s; nearest: {} s", every, std::max(1.0, std::round(samples)) * every));
+               fmt::format("must be a whole multiple of every = {} s; nearest: {} s", every,
+                           std::max(1.0, std::round(samples)) * every));
   plan.settle = keys.number("settle").value_or(0.0);
   keys.require(plan.settle >= 0.0 && plan.settle <= duration - every, "settle",
                fmt::format("must be from 0 to {} s: two samples at least must be left of the run", duration - every));
   plan.stop = needed("stop", "say from which length in s a time without discharge is a stoppage");
-  keys.require(plan.stop >= every, "stop", fmt::format("must not be below every = {} s: shorter stoppages are not seen", every));
+  keys.require(plan.stop >= every, "stop",
+               fmt::format("must not be below every = {} s: shorter stoppages are not seen", every));
   plan.sampling = {duration, every, keys.positive("layer", "m").value_or(Sampling{}.layer)};
 }
 
@@ -66,12 +69,14 @@ std::vector<Point> read_named_methods(const std::string& text, const std::string
   for (const Point& point : points) ++uses[point.name];
   std::set<std::string> names;
   for (Point& point : points) {
-    GC_REQUIRE(!point.sundials, "{}: [[method]] \"{}\": long runs are for our own steppers, uniform or multirate; remove it", path, point.name);
-    GC_REQUIRE(point.repeat == 1, "{}: [[method]] \"{}\": repeat = {}: a run is repeated from other start states, not from one; remove it",
+    GC_REQUIRE(!point.sundials, "{}: [[method]] \"{}\": long runs are for our own steppers, uniform or multirate; remove it",
+               path, point.name);
+    GC_REQUIRE(point.repeat == 1,
+               "{}: [[method]] \"{}\": repeat = {}: a run is repeated from other start states, not from one; remove it",
                path, point.name, point.repeat);
     if (uses[point.name] > 1) point.name += ", " + knob_text(point);
-    GC_REQUIRE(names.insert(point.name).second, "{}: two methods are called \"{}\"; give each a [[method]] with a name of its own", path,
-               point.name);
+    GC_REQUIRE(names.insert(point.name).second,
+               "{}: two methods are called \"{}\"; give each a [[method]] with a name of its own", path, point.name);
   }
   return points;
 }
@@ -107,9 +112,10 @@ std::string physics_text(const core::Scene& scene) {
   const auto& [density, ball, wall, tension, cohesion] = phase.materials;  // a new member stops the compiler here
   const auto vector = [](const core::Vec3& v) { return fmt::format("{} {} {}", v[0], v[1], v[2]); };
   const auto& [outlet_z, lower, upper] = scene.domain;
-  return fmt::format("gravity {}\nmaterials {} {} {} {} {} {} {}\noutlet {} {}\nbox {} {}\nfirst impact {}\n", vector(scene.gravity), density,
-                     ball.k, ball.c, wall.k, wall.c, tension, cohesion, phase.outlet_open, outlet_z.value_or(kUnknown),
-                     lower ? vector(*lower) : "none", upper ? vector(*upper) : "none", phase.first_impact);
+  return fmt::format("gravity {}\nmaterials {} {} {} {} {} {} {}\noutlet {} {}\nbox {} {}\nfirst impact {}\n",
+                     vector(scene.gravity), density, ball.k, ball.c, wall.k, wall.c, tension, cohesion, phase.outlet_open,
+                     outlet_z.value_or(kUnknown), lower ? vector(*lower) : "none", upper ? vector(*upper) : "none",
+                     phase.first_impact);
 }
 
 /// Contact sweeps that a run may take times its balls, for the estimate of the remaining time only.
@@ -117,7 +123,8 @@ double expected_work(const Point& point, const StartState& start, double duratio
   constexpr double kSelective = 4.0, kDefaultStep = 2e-4;  // coarse: seen on the Table 1 silo
   const core::Stepping& s = point.stepping;
   const double steps = duration / s.step.value_or(kDefaultStep);
-  return steps * (s.method == core::Method::multirate ? kSelective : 1.0) * static_cast<double>(start.state.count(core::Kind::content));
+  return steps * (s.method == core::Method::multirate ? kSelective : 1.0) *
+         static_cast<double>(start.state.count(core::Kind::content));
 }
 
 /// A row of table `statistics_runs`.
@@ -156,7 +163,8 @@ void add_measure_columns(Table& table, const std::vector<Row>& rows, double laye
   const auto of_bin = [](const Row& row, double factor, double offset) {
     return row.measure.bin ? factor * (*row.measure.bin + offset) : kUnknown;
   };
-  table.columns.push_back(column(rows, "measure", "", [](const Row& row) { return std::string(name(row.measure.quantity)); }));
+  table.columns.push_back(
+      column(rows, "measure", "", [](const Row& row) { return std::string(name(row.measure.quantity)); }));
   table.columns.push_back(column(rows, "bin", "", [&](const Row& row) { return of_bin(row, 1.0, 0.0); }));
   table.columns.push_back(column(rows, "z_low", "m", [&](const Row& row) { return of_bin(row, layer, 0.0); }));
   table.columns.push_back(column(rows, "z_high", "m", [&](const Row& row) { return of_bin(row, layer, 1.0); }));
@@ -232,7 +240,8 @@ struct MethodRuns {
   }
 };
 
-std::vector<SummaryRow> summary_rows(const std::vector<Point>& methods, const std::vector<MethodRuns>& runs, const std::string& baseline) {
+std::vector<SummaryRow> summary_rows(const std::vector<Point>& methods, const std::vector<MethodRuns>& runs,
+                                     const std::string& baseline) {
   std::set<Measure> all;
   for (const MethodRuns& one : runs) {
     for (const Measures& measures : one.measures) {
@@ -240,7 +249,8 @@ std::vector<SummaryRow> summary_rows(const std::vector<Point>& methods, const st
     }
   }
   const auto base = static_cast<std::size_t>(
-      std::find_if(methods.begin(), methods.end(), [&](const Point& method) { return method.name == baseline; }) - methods.begin());
+      std::find_if(methods.begin(), methods.end(), [&](const Point& method) { return method.name == baseline; }) -
+      methods.begin());
   std::vector<SummaryRow> rows;
   for (std::size_t m = 0; m < methods.size(); ++m) {
     for (const Measure& measure : all) {
@@ -260,16 +270,20 @@ std::vector<SummaryRow> summary_rows(const std::vector<Point>& methods, const st
 
 class StatisticsStudy : public StudyKind {
  public:
-  StatisticsStudy(const std::string& path, int threads) : plan_(read_plan(path)), scene_(core::read_scene(plan_.scene)), threads_(threads) {
+  StatisticsStudy(const std::string& path, int threads)
+      : plan_(read_plan(path)), scene_(core::read_scene(plan_.scene)), threads_(threads) {
     GC_REQUIRE(!scene_.phases.empty(), "{}: has no [[phase]]; a study runs the first one", plan_.scene);
     GC_REQUIRE(!scene_.phases.front().outlet_open || scene_.domain.outlet_z,
-               "{}: its outlet is open but there is no [domain] outlet_z below which balls count as discharged; give one", plan_.scene);
+               "{}: its outlet is open but there is no [domain] outlet_z below which balls count as discharged; give one",
+               plan_.scene);
     std::map<std::uint64_t, std::string> seen;
     for (const std::string& start : plan_.starts) {
       starts_.push_back(read_start(start));
       const auto [same, is_new] = seen.emplace(core::checksum(starts_.back().state), start);
-      GC_REQUIRE(is_new, "{}: start \"{}\" is the same state as \"{}\": it tells nothing new of the spread; give states of other seeds", path,
-                 start, same->second);
+      GC_REQUIRE(
+          is_new,
+          "{}: start \"{}\" is the same state as \"{}\": it tells nothing new of the spread; give states of other seeds",
+          path, start, same->second);
     }
     // Key combinations that a stepper does not offer show now, not after an hour.
     const Runner runner(scene_, plan_.sampling.every, threads_);
@@ -280,7 +294,8 @@ class StatisticsStudy : public StudyKind {
   std::vector<Job> jobs() const override { return jobs_; }
 
   void run(const Job& job, const std::filesystem::path& file) const override {
-    const auto at = std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& one) { return one.id == job.id; }) - jobs_.begin();
+    const auto at =
+        std::find_if(jobs_.begin(), jobs_.end(), [&](const Job& one) { return one.id == job.id; }) - jobs_.begin();
     const auto index = static_cast<std::size_t>(at);
     const StartState& start = starts_.at(index / plan_.methods.size());
     const Point& method = plan_.methods.at(index % plan_.methods.size());
@@ -305,7 +320,8 @@ class StatisticsStudy : public StudyKind {
       }
     }
     const double layer = plan_.sampling.layer;
-    return {values_table(values, layer), summary_table(summary_rows(plan_.methods, by_method, plan_.baseline), layer), runs_table(runs)};
+    return {values_table(values, layer), summary_table(summary_rows(plan_.methods, by_method, plan_.baseline), layer),
+            runs_table(runs)};
   }
 
   TableOrigin origin() const override { return {plan_.text, scene_.text, scene_.seed, threads_}; }
@@ -313,7 +329,9 @@ class StatisticsStudy : public StudyKind {
   std::vector<std::string> warnings(const std::vector<Table>& tables) const override {
     std::vector<std::string> said;
     add_run_warnings(tables.at(2), said);
-    if (starts_.size() < 2) said.push_back("there is one start state only: without others nothing is known of the spread, nor whether methods agree");
+    if (starts_.size() < 2)
+      said.push_back(
+          "there is one start state only: without others nothing is known of the spread, nor whether methods agree");
     for (const Point& method : plan_.methods) add_disagreement(tables.at(1), method.name, said);
     return said;
   }
@@ -330,14 +348,16 @@ class StatisticsStudy : public StudyKind {
     for (const StartState& start : starts_) {
       for (const Point& method : plan_.methods) {
         const Sampling& s = plan_.sampling;
-        const std::string depends_on = fmt::format("statistics, format {}\nversion {}\n{}start {:016x}\nduration {} every {} layer {}\n{}\n", kFormat,
-                                                   silo::version(), physics_text(scene_), core::checksum(start.state), s.duration, s.every,
-                                                   s.layer, keys_text(method));
+        const std::string depends_on =
+            fmt::format("statistics, format {}\nversion {}\n{}start {:016x}\nduration {} every {} layer {}\n{}\n", kFormat,
+                        silo::version(), physics_text(scene_), core::checksum(start.state), s.duration, s.every, s.layer,
+                        keys_text(method));
         Job job;
         job.id = job_id(fmt::format("{} {} {}", start.name, made_name(method), knob_text(method)), depends_on);
         job.label = fmt::format("{}: {}", start.name, method.name);
         job.work = expected_work(method, start, s.duration);
-        GC_REQUIRE(ids.insert(job.id).second, "{}: [[method]] \"{}\" steps exactly as another one; remove one of the two", plan_.path, method.name);
+        GC_REQUIRE(ids.insert(job.id).second, "{}: [[method]] \"{}\" steps exactly as another one; remove one of the two",
+                   plan_.path, method.name);
         jobs_.push_back(std::move(job));
       }
     }
@@ -346,11 +366,13 @@ class StatisticsStudy : public StudyKind {
   void add_run_warnings(const Table& runs, Texts& said) const {
     const Texts &method = texts(runs, "method"), &start = texts(runs, "start"), &status = texts(runs, "status");
     for (std::size_t row = 0; row < status.size(); ++row) {
-      if (status[row] != "ok") said.push_back(fmt::format("{}: {} {}; it is left out of the statistics", start[row], method[row], status[row]));
+      if (status[row] != "ok")
+        said.push_back(fmt::format("{}: {} {}; it is left out of the statistics", start[row], method[row], status[row]));
     }
     const std::set<std::string> hosts(texts(runs, "host").begin(), texts(runs, "host").end());
     if (hosts.size() > 1) {
-      said.push_back(fmt::format("the jobs ran on {} machines ({}): wall_s cannot be compared", hosts.size(), fmt::join(hosts, ", ")));
+      said.push_back(
+          fmt::format("the jobs ran on {} machines ({}): wall_s cannot be compared", hosts.size(), fmt::join(hosts, ", ")));
     }
   }
 
@@ -364,14 +386,18 @@ class StatisticsStudy : public StudyKind {
       if (agrees[row] == 0.0) ++apart;
     }
     if (apart == 0) return;
-    said.push_back(fmt::format("{}: {} of {} measures differ from {} by more than the starts' 95 % interval; by chance alone one in twenty would",
-                               method, apart, compared, plan_.baseline));
+    said.push_back(fmt::format(
+        "{}: {} of {} measures differ from {} by more than the starts' 95 % interval; by chance alone one in twenty would",
+        method, apart, compared, plan_.baseline));
   }
 
   static const TableColumn& column_of(const Table& table, std::string_view wanted) {
-    return *std::find_if(table.columns.begin(), table.columns.end(), [=](const TableColumn& one) { return one.name == wanted; });
+    return *std::find_if(table.columns.begin(), table.columns.end(),
+                         [=](const TableColumn& one) { return one.name == wanted; });
   }
-  static const Texts& texts(const Table& table, std::string_view wanted) { return std::get<Texts>(column_of(table, wanted).values); }
+  static const Texts& texts(const Table& table, std::string_view wanted) {
+    return std::get<Texts>(column_of(table, wanted).values);
+  }
 
   Plan plan_;
   core::Scene scene_;

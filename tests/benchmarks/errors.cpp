@@ -192,7 +192,8 @@ TEST(Errors, ABallThatIsNotFiniteIsInfinitelyWrong) {
     EXPECT_EQ(position.median, 0.0);
     EXPECT_EQ(position.p99, 0.0);
     for (const std::size_t row : {8u, 9u}) result.position[row].y() = value;
-    EXPECT_EQ(trajectory_errors(crowd.start, crowd.reference, result, {}).position.p99, std::numeric_limits<double>::infinity());
+    EXPECT_EQ(trajectory_errors(crowd.start, crowd.reference, result, {}).position.p99,
+              std::numeric_limits<double>::infinity());
   }
 }
 

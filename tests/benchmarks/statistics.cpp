@@ -17,12 +17,15 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kRounding = 1e-13;
 
 TEST(StudentT, QuantilesArePublishedOnes) {
-  struct Known { double freedom, p95, p975, p995; };
+  struct Known {
+    double freedom, p95, p975, p995;
+  };
   // Tables of the t-distribution, as in the NIST handbook of statistical methods, 1.3.6.7.2, with more digits.
-  const Known table[] = {{1, 6.313752, 12.706205, 63.656741}, {2, 2.919986, 4.302653, 9.924843},  {3, 2.353363, 3.182446, 5.840909},
-                         {4, 2.131847, 2.776445, 4.604095},   {5, 2.015048, 2.570582, 4.032143},  {9, 1.833113, 2.262157, 3.249836},
-                         {10, 1.812461, 2.228139, 3.169273},  {20, 1.724718, 2.085963, 2.845340}, {30, 1.697261, 2.042272, 2.749996},
-                         {60, 1.670649, 2.000298, 2.660283},  {120, 1.657651, 1.979930, 2.617421}};
+  const Known table[] = {
+      {1, 6.313752, 12.706205, 63.656741}, {2, 2.919986, 4.302653, 9.924843},  {3, 2.353363, 3.182446, 5.840909},
+      {4, 2.131847, 2.776445, 4.604095},   {5, 2.015048, 2.570582, 4.032143},  {9, 1.833113, 2.262157, 3.249836},
+      {10, 1.812461, 2.228139, 3.169273},  {20, 1.724718, 2.085963, 2.845340}, {30, 1.697261, 2.042272, 2.749996},
+      {60, 1.670649, 2.000298, 2.660283},  {120, 1.657651, 1.979930, 2.617421}};
   for (const Known& known : table) {
     // Half a unit of the table's last digit.
     EXPECT_NEAR(student_t(0.95, known.freedom), known.p95, 6e-7) << known.freedom;
@@ -39,7 +42,8 @@ TEST(StudentT, ClosedFormsAtOneAndTwoDegreesAndTheNormalLimit) {
     EXPECT_NEAR(student_t(p, 2.0) / (2.0 * (p - 0.5) * std::sqrt(2.0 / a)), 1.0, 1e-9) << p;
   }
   const double z = 1.959963984540054;  // of the normal distribution; the next term of its expansion in 1/freedom follows
-  EXPECT_NEAR(student_t(0.975, 1e6), z + (z * z * z + z) / 4e6, 1e-8);  // lgamma of a million has nine digits in a difference
+  EXPECT_NEAR(student_t(0.975, 1e6), z + (z * z * z + z) / 4e6,
+              1e-8);  // lgamma of a million has nine digits in a difference
 }
 
 TEST(StudentT, IsOddAndFallsWithFreedomBetweenWholeNumbersToo) {
@@ -101,7 +105,8 @@ TEST(Statistics, GroupsWithoutSpreadAgreeOnlyIfEqual) {
 
 /// A normal number (Box and Muller).
 double normal(silo::Random& random) {
-  return std::sqrt(-2.0 * std::log(1.0 - random.between(0.0, 1.0))) * std::cos(2.0 * std::numbers::pi * random.between(0.0, 1.0));
+  return std::sqrt(-2.0 * std::log(1.0 - random.between(0.0, 1.0))) *
+         std::cos(2.0 * std::numbers::pi * random.between(0.0, 1.0));
 }
 
 std::vector<double> sample(silo::Random& random, int n, double centre, double spread) {

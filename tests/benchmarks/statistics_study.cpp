@@ -24,8 +24,8 @@ constexpr double kRounding = 1e-14;
 
 // ---------------------------------------------------------------- measures of a series
 
-/// Eleven samples of 0.1 s over two layers 0.5 m high, from z = -0.5 m on: four balls leave at once, then one in each interval from
-/// 0.5 s on; forces of 10 and 30 N, and ten times that in the first three samples.
+/// Eleven samples of 0.1 s over two layers 0.5 m high, from z = -0.5 m on: four balls leave at once, then one in each
+/// interval from 0.5 s on; forces of 10 and 30 N, and ten times that in the first three samples.
 LongRun series() {
   LongRun run;
   run.layer_edges = {-0.5, 0.0, 0.5};
@@ -98,12 +98,14 @@ name = "flow"
 duration = 0.5
 outlet = "open"
 )");
-    for (const auto& [name, late] : {std::pair{"a.csv", 0.015}, {"b.csv", 0.045}, {"c.csv", 0.065}}) core::write_state(scratch_ / name, falling(late));
+    for (const auto& [name, late] : {std::pair{"a.csv", 0.015}, {"b.csv", 0.045}, {"c.csv", 0.065}})
+      core::write_state(scratch_ / name, falling(late));
   }
 
   static State falling(double late) {
     State state;
-    for (int ball = 0; ball < 4; ++ball) state.add(ball, Kind::content, Vec3(2.0 + ball, 0, height(0.1 * ball + late)), Vec3::Zero(), 0.2);
+    for (int ball = 0; ball < 4; ++ball)
+      state.add(ball, Kind::content, Vec3(2.0 + ball, 0, height(0.1 * ball + late)), Vec3::Zero(), 0.2);
     state.add(4, Kind::content, Vec3(0.4 - 1e-4, 0, 3.5), Vec3::Zero(), 0.2);  // on its way for 0.845 s
     state.add(5, Kind::wall, Vec3(0, 0, 3.5), Vec3::Zero(), 0.2);
     return state;
@@ -165,9 +167,11 @@ TEST_F(StatisticsFiles, KineticEnergyIsThatOfTheBallsStillThere) {
 TEST_F(StatisticsFiles, AnEmptySiloIsRefused) {
   State state = falling(0.015);
   State few;
-  for (std::size_t i = 0; i < 4; ++i) few.add(state.id[i], state.kind[i], state.position[i], state.velocity[i], state.radius[i]);
-  const auto message = tests::message_of<core::InputError>(
-      [&] { run_long(core::read_scene(scene_), few, uniform(1e-3), {0.4, 0.05, 1.0}, 1); });
+  for (std::size_t i = 0; i < 4; ++i)
+    few.add(state.id[i], state.kind[i], state.position[i], state.velocity[i], state.radius[i]);
+  const auto message = tests::message_of<core::InputError>([&] {
+    run_long(core::read_scene(scene_), few, uniform(1e-3), {0.4, 0.05, 1.0}, 1);
+  });
   EXPECT_NE(message.find("of 4 balls is empty 0.35"), std::string::npos) << message;
 }
 
@@ -230,7 +234,8 @@ step = 5e-3
 )";
 
 const TableColumn& column(const Table& table, const std::string& name) {
-  const auto found = std::find_if(table.columns.begin(), table.columns.end(), [&](const TableColumn& one) { return one.name == name; });
+  const auto found =
+      std::find_if(table.columns.begin(), table.columns.end(), [&](const TableColumn& one) { return one.name == name; });
   if (found == table.columns.end()) throw std::out_of_range(table.name + "." + name);
   return *found;
 }
@@ -353,7 +358,8 @@ TEST_F(StatisticsFiles, JobsAreRunAnewOnlyWhereTheirSeriesWouldChange) {
   EXPECT_EQ(with("baseline = \"fine\"", "baseline = \"ours\""), before);
   EXPECT_EQ(with("name = \"ours\"", "name = \"theirs\""), before);
   EXPECT_EQ(with("\"a.csv\", \"b.csv\"", "\"b.csv\", \"a.csv\"")[0], before[2]);
-  for (const auto& [old, changed] : {std::pair{"duration = 0.4", "duration = 0.45"}, {"every = 0.05", "every = 0.025"}, {"layer = 0.5", "layer = 1.0"}}) {
+  for (const auto& [old, changed] :
+       {std::pair{"duration = 0.4", "duration = 0.45"}, {"every = 0.05", "every = 0.025"}, {"layer = 0.5", "layer = 1.0"}}) {
     EXPECT_NE(with(old, changed)[0], before[0]) << changed;
     EXPECT_NE(with(old, changed)[5], before[5]) << changed;
   }
@@ -382,10 +388,13 @@ TEST_F(StatisticsFiles, SweptMethodsAreToldApartByWhatIsSwept) {
 }
 
 TEST_F(StatisticsFiles, MistakesAreToldWithPlaceAndRemedy) {
-  struct Case { std::string before, after, expected; };
+  struct Case {
+    std::string before, after, expected;
+  };
   const Case cases[] = {
       {"duration = 0.4\n", "", "duration is missing: give the length"},
-      {"duration = 0.4", "duration = 0.42", "study.toml:4: duration = 0.42: must be a whole multiple of every = 0.05 s; nearest: 0.4 s"},
+      {"duration = 0.4", "duration = 0.42",
+       "study.toml:4: duration = 0.42: must be a whole multiple of every = 0.05 s; nearest: 0.4 s"},
       {"every = 0.05", "every = -1", "study.toml:5: every = -1"},
       {"stop = 0.1", "stop = 0.01", "study.toml:6: stop = 0.01: must not be below every"},
       {"stop = 0.1\n", "", "stop is missing: say from which length"},
@@ -393,10 +402,12 @@ TEST_F(StatisticsFiles, MistakesAreToldWithPlaceAndRemedy) {
       {"stop = 0.1", "stop = 0.1\nhorizon = 0.4", "horizon"},
       {"baseline = \"fine\"", "baseline = \"finest\"", "there are \"fine\", \"ours\""},
       {"baseline = \"fine\"\n", "", "baseline is missing: name the method"},
-      {"name = \"ours\"", "name = \"fine\"\nmethod = \"uniform\"\nevents = false\nstep = 1e-3\n[[method]]", "give each a [[method]] with a name of its own"},
+      {"name = \"ours\"", "name = \"fine\"\nmethod = \"uniform\"\nevents = false\nstep = 1e-3\n[[method]]",
+       "give each a [[method]] with a name of its own"},
       {"name = \"ours\"", "name = \"ours\"\nrepeat = 3", "repeat = 3"},
       {"name = \"ours\"\nstep = 5e-3", "method = \"cvode\"\nrtol = 1e-6", "our own steppers"},
-      {"name = \"ours\"\nstep = 5e-3", "name = \"again\"\nmethod = \"uniform\"\nstep = 1e-3", "steps exactly as another one"},
+      {"name = \"ours\"\nstep = 5e-3", "name = \"again\"\nmethod = \"uniform\"\nstep = 1e-3",
+       "steps exactly as another one"},
       {"\"b.csv\"", "\"none.csv\"", "none.csv"},
       {"\"b.csv\"", "\"a.csv\"", "the same state"},
   };
