@@ -35,6 +35,7 @@ struct LevelStatistics {
   std::vector<double> balls;      // mean number of balls stepped at this level
   std::vector<double> contacts;   // mean number of contacts evaluated at this level
   double listed = 0.0;            // pairs in the list now: what a uniform step evaluates
+  double renewals = 0.0;          // evaluations of all listed pairs per coarsest step, for classes
 };
 
 /// A content system between synchronised times. All calls see and leave a synchronised state.

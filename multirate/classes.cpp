@@ -1,6 +1,24 @@
 #include "multirate/classes.hpp"
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
 namespace grainclock::multirate {
+
+double shared_reach(std::vector<double> strides, std::size_t balls, double error_factor, double tolerance) {
+  // Sorted, so that the sum does not depend on the order of the balls.
+  std::sort(strides.begin(), strides.end());
+  const double share = tolerance / error_factor;
+  const double allowed = share * share * static_cast<double>(balls);  // of the sum of squares
+  double below = 0.0;
+  for (std::size_t k = 0; k < strides.size(); ++k) {
+    const double stride = strides[k], above = static_cast<double>(strides.size() - k);
+    if (below + above * stride * stride > allowed) return std::sqrt(std::sqrt((allowed - below) / above));
+    below += stride * stride;
+  }
+  return std::numeric_limits<double>::infinity();
+}
 
 bool is_stable(const ContactMatrix& matrix, double h, const core::ContactLaw& ball, const core::ContactLaw& fixed,
                double inertia) {

@@ -1,40 +1,50 @@
 // Which step a pair and a ball need: velocity classes within stability.
+//
+// A pair is taken as an oscillator about its equilibrium with omega^2 = k (1/m_i + 1/m_j). The rate of its overlap and its
+// balls' acceleration towards each other give the amplitude v of its speed, v^2 = rate^2 + (acceleration / omega)^2.
+// A second-order step h resolves the collision of a pair to a velocity of about v (omega h)^2, up to a factor. Relative
+// to a speed v_ref of the whole scene that is (h u)^2 with the pair's *urgency* u = omega sqrt(v / v_ref) [1/s].
+//
+// An impact leaves its balls with that error for good; less where other contacts hold a ball. A pair that stays closed
+// (smooth) only swings a little wrongly. At each renewal the pairs of either kind share one reach r, h u <= r, such
+// that their expected errors, as rms over the whole content, make up the tolerance (shared_reach()): few fast
+// collisions may be resolved less well than many. The error factors are measured, benchmarks/README.md.
 #pragma once
 
 #include "core/kernels.hpp"
 #include "multirate/ladder.hpp"
 
-#include <cmath>
+#include <vector>
 
 namespace grainclock::multirate {
 
-/// From the one tolerance to a length: what a pair may approach by within one step. The factor makes the
-/// achieved error (rms, relative to the rms displacement over 0.064 s of table1-flow) about the tolerance.
-constexpr double kApproachPerTolerance = 1.0;  // mean diameters
-/// A pair gets coarser only if it would still do so at this many times its speed.
+constexpr double kImpactError = 0.3;    // relative error that an impact at h u = 1 leaves
+constexpr double kSmoothError = 0.02;   // the same for a smooth pair
+constexpr double kConfinedReach = 3.0;  // times the reach of impacts for a ball that smooth pairs hold
+/// A pair is an impact if its speed's amplitude is at least this share of the one that would open it.
+constexpr double kOpening = 0.5;
+/// A ball gets coarser only if it would still do so at this many times its urgency.
 constexpr double kHysteresis = 2.0;
 
-/// Velocity classes of pairs.
-class Classes {
- public:
-  /// `diameter`: mean ball diameter [m]; stiffness ratio of contacts with fixed balls to those among balls.
-  Classes(const Ladder& ladder, double tolerance, double diameter, double stiffness_ratio)
-      : ladder_(ladder),
-        length_(kApproachPerTolerance * tolerance * diameter),
-        fixed_weight_(std::sqrt(std::max(1.0, stiffness_ratio))) {}
-
-  /// What the approach speed of a pair counts [m/s]: stiffer contacts live shorter by the square root of the stiffness
-  /// ratio and count as that much faster.
-  double weighted(double approach, bool fixed) const { return std::abs(approach) * (fixed ? fixed_weight_ : 1.0); }
-
-  /// The coarsest level with speed * step(level) <= length: half-open geometric classes of approach speed.
-  Level need(double speed) const { return speed > 0.0 ? ladder_.level_of(length_ / speed) : ladder_.coarsest(); }
-
- private:
-  Ladder ladder_;
-  double length_;        // m
-  double fixed_weight_;
+/// How a pair moves; squared quantities, so that a pair costs no root.
+struct PairMotion {
+  double urgency4;  // 1/s4, fourth power of the urgency
+  bool is_impact;   // it will open, or is about to close
 };
+
+/// `overlap` [m], its `rate` [m/s] and the balls' `acceleration` towards each other [m/s2] (ignored while open),
+/// `omega2` [1/s2] and the scene's speed squared [m2/s2], above zero.
+inline PairMotion motion_of(double overlap, double rate, double acceleration, double omega2, double speed2) {
+  const bool is_open = overlap <= 0.0;
+  const double a = is_open ? 0.0 : acceleration;
+  const double amplitude = omega2 * rate * rate + a * a;  // (omega v)^2
+  const double opening = kOpening * omega2 * overlap;
+  return {omega2 * amplitude / speed2, is_open || amplitude > opening * opening};
+}
+
+/// The reach r at which the rms over `balls` of error_factor min(r^2, stride) is the tolerance, where `strides` holds
+/// (h u)^2 of each ball concerned at the step that it could take otherwise. Infinity if all may take that.
+double shared_reach(std::vector<double> strides, std::size_t balls, double error_factor, double tolerance);
 
 /// A sum of scaled n n^T in whole numbers, exact in any order: xx, yy, zz, xy, xz, yz.
 struct NormalMatrix {

@@ -25,7 +25,7 @@ Prediction predict(const core::State& state, const core::StepperSetup& setup) {
   out.ideal_gain = contacts / weighted;
   // Per coarse step: every level at its own rate; at a regular renewal the last evaluation is one of all listed pairs.
   const double fine_steps = std::ldexp(1.0, static_cast<int>(levels - 1 - finest));
-  const double evaluations = weighted * fine_steps + (counts.listed - contacts) / kRenewEvery;
+  const double evaluations = weighted * fine_steps + (counts.listed - contacts) * counts.renewals;
   out.gain = counts.listed * fine_steps / evaluations;
   return out;
 }

@@ -20,6 +20,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 namespace grainclock::multirate {
@@ -38,6 +39,9 @@ constexpr double kAccelerating = 1.5;  // an approach may be faster than it look
 constexpr double kAhead = 1.1 * kAccelerating;  // intervals between renewals that lists look ahead
 constexpr double kSoon = 2.5e-4;   // mean diameters: gaps below it count as about to close
 constexpr std::size_t kWorthThreads = 4096;  // pairs or balls
+constexpr double kQuiet = 0.05;    // speeds below this share of sqrt(g d) need not be resolved relative to themselves
+constexpr int kMostCoarseSteps = 6;      // between regular renewals
+constexpr double kRenewalPhase = 1.25;   // omega times the time between renewals, of two mean balls
 
 /// All listed pairs of one kind, as last recorded and classified.
 struct PairBook {
@@ -66,7 +70,19 @@ struct PairBook {
 /// What a ball's pairs ask of its step.
 struct Need {
   ContactMatrix matrix;
-  double approach = 0.0;  // m/s, the largest weighted approach speed
+  double smooth4 = 0.0, impact4 = 0.0;  // 1/s4, the largest urgencies to the fourth power
+  bool is_confined = false;             // a smooth pair holds it
+
+  void add(const Need& other) {
+    smooth4 = std::max(smooth4, other.smooth4);
+    impact4 = std::max(impact4, other.impact4);
+    is_confined = is_confined || other.is_confined;
+    matrix.ball += other.matrix.ball;
+    matrix.fixed += other.matrix.fixed;
+  }
+  double smooth_urgency() const { return std::sqrt(std::sqrt(smooth4)); }  // 1/s
+  /// 1/s, of its impacts, eased where other contacts hold it.
+  double impact_urgency() const { return std::sqrt(std::sqrt(impact4)) / (is_confined ? kConfinedReach : 1.0); }
 };
 
 /// Contacts of one level, contiguous.
@@ -74,13 +90,19 @@ struct Batch {
   PairList ball, fixed;
 };
 
+/// Coarse steps between regular renewals of classes: while a pulse passes few balls only.
+int renew_every(const core::Materials& materials, double diameter, double coarsest_step) {
+  const double omega = std::sqrt(2.0 * materials.ball.k / materials.mass(0.5 * diameter));
+  return std::clamp(static_cast<int>(kRenewalPhase / (omega * coarsest_step)), 1, kMostCoarseSteps);
+}
+
 class MultirateStepper final : public core::BallStepper {
  public:
   MultirateStepper(const core::State& state, const core::StepperSetup& setup)
-      : BallStepper(state, setup, setup.stepping.levels, kAhead * kRenewEvery * *setup.stepping.step),
+      : BallStepper(state, setup, setup.stepping.levels, kAhead * kMostCoarseSteps * *setup.stepping.step),
         ladder_(step_, setup.stepping.levels),
-        classes_(ladder_, setup.stepping.tolerance, length_scale_, setup.materials.wall.k / setup.materials.ball.k),
-        interval_(kRenewEvery * step_),
+        renew_every_(renew_every(setup.materials, length_scale_, step_)),
+        interval_(renew_every_ * step_),
         events_(setup.stepping.events),
         event_book_(scale_, 0.5 * ladder_.tick()),
         threads_(std::max(1, setup.threads)),
@@ -144,6 +166,7 @@ class MultirateStepper final : public core::BallStepper {
 
   core::LevelStatistics level_statistics() const override {
     core::LevelStatistics out;
+    out.renewals = 1.0 / renew_every_;
     out.listed = static_cast<double>(list_.ball_pairs().count + list_.fixed_pairs().count);
     for (Level l = 0; l < ladder_.levels(); ++l) {
       const auto mean = [this](std::int64_t sum, std::size_t now) {
@@ -286,7 +309,7 @@ class MultirateStepper final : public core::BallStepper {
       crossed = crossed || report.crossed;
     }
     crossed_ = crossed;
-    return strayed || crossed || (steps_done_ + 1) % kRenewEvery == 0;
+    return strayed || crossed || (steps_done_ + 1) % renew_every_ == 0;
   }
 
   /// Evaluates every listed pair at the rows' present values.
@@ -462,6 +485,7 @@ class MultirateStepper final : public core::BallStepper {
 
   /// Needs of balls from their pairs; marks pairs that cannot touch before the next renewal.
   void find_needs() {
+    speed2_ = mean_square_speed();
     largest_inverse_mass_ = 0.0;
     for (const double inverse : balls_.inverse_mass) largest_inverse_mass_ = std::max(largest_inverse_mass_, inverse);
     for (const bool fixed : {false, true}) books_[fixed].level.resize((fixed ? list_.fixed_pairs() : list_.ball_pairs()).count);
@@ -481,22 +505,28 @@ class MultirateStepper final : public core::BallStepper {
   void add_needs(bool fixed, std::vector<Need>& needs, std::size_t begin, std::size_t end) {
     const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
     PairBook& book = books_[fixed];
-    const double soon = kSoon * length_scale_, reach = law(fixed, 0.0).law.reach;
+    const core::ContactLaw its = law(fixed, 0.0).law;
+    const core::Path at_rest{};
+    const double soon = kSoon * length_scale_;
     const double per_unit = 1.0 / (largest_inverse_mass_ * kMatrixUnit);
     for (std::size_t p = begin; p < end; ++p) {
       const std::uint32_t i = pairs.i[p], j = pairs.j[p];
-      const double gap = -book.overlap[p] - reach;
+      const double gap = -book.overlap[p] - its.reach;
       if (gap > book.speed[p] * interval_ + margin_[i] + (fixed ? 0.0 : margin_[j])) {
         book.level[p] = kSkipped;
         continue;
       }
       book.level[p] = 0;
       if (gap > kAccelerating * std::max(book.rate[p], 0.0) * interval_ + soon) continue;
-      const double approach = classes_.weighted(book.rate[p], fixed);
-      const double scale = (balls_.inverse_mass[i] + (fixed ? 0.0 : balls_.inverse_mass[j])) * per_unit;
-      const NormalMatrix nn = NormalMatrix::of(book.nx[p], book.ny[p], book.nz[p], scale);
+      const double inverse_mass = balls_.inverse_mass[i] + (fixed ? 0.0 : balls_.inverse_mass[j]);
+      const core::Path &a = paths_[i], &b = fixed ? at_rest : paths_[j];
+      const double acceleration = (a.ax - b.ax) * book.nx[p] + (a.ay - b.ay) * book.ny[p] + (a.az - b.az) * book.nz[p];
+      const PairMotion motion = motion_of(book.overlap[p], book.rate[p], acceleration, its.k * inverse_mass, speed2_);
+      const NormalMatrix nn = NormalMatrix::of(book.nx[p], book.ny[p], book.nz[p], inverse_mass * per_unit);
       const auto add = [&](Need& need) {
-        need.approach = std::max(need.approach, approach);
+        double& urgency4 = motion.is_impact ? need.impact4 : need.smooth4;
+        urgency4 = std::max(urgency4, motion.urgency4);
+        need.is_confined = need.is_confined || !motion.is_impact;
         (fixed ? need.matrix.fixed : need.matrix.ball) += nn;
       };
       add(needs[i]);
@@ -507,20 +537,58 @@ class MultirateStepper final : public core::BallStepper {
   /// Each ball's level from what its pairs need, before the limiter.
   void choose_levels() {
     const core::ContactLaw ball = law(false, 0.0).law, fixed = law(true, 0.0).law;
+    before_.swap(level_);
+    level_.resize(before_.size());
     share_balls([&](std::uint32_t begin, std::uint32_t end) {
       for (std::uint32_t row = begin; row < end; ++row) {
-        Need need = needs_[0][row];
-        for (int t = 1; t < threads_; ++t) {
-          const Need& other = needs_[static_cast<std::size_t>(t)][row];
-          need.approach = std::max(need.approach, other.approach);
-          need.matrix.ball += other.matrix.ball;
-          need.matrix.fixed += other.matrix.fixed;
-        }
-        Level level = std::min(classes_.need(need.approach), std::max(level_[row], classes_.need(kHysteresis * need.approach)));
+        Need& need = needs_[0][row];
+        for (int t = 1; t < threads_; ++t) need.add(needs_[static_cast<std::size_t>(t)][row]);
+        Level level = ladder_.coarsest();
         while (level > 0 && !is_stable(need.matrix, ladder_.step(level), ball, fixed, largest_inverse_mass_)) --level;
         level_[row] = level;
       }
     });
+    share_error(kSmoothError, [](const Need& need) { return need.smooth_urgency(); });
+    share_error(kImpactError, [](const Need& need) { return need.impact_urgency(); });
+  }
+
+  /// Makes balls finer until the expected error from these urgencies is the tolerance.
+  template <class Urgency>
+  void share_error(double error_factor, Urgency urgency) {
+    strides_.clear();
+    for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
+      const double stride = ladder_.step(level_[row]) * urgency(needs_[0][row]);
+      if (stride > 0.0) strides_.push_back(stride * stride);
+    }
+    const double reach = shared_reach(strides_, balls_.content_count(), error_factor, setup_.stepping.tolerance);
+    share_balls([&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t row = begin; row < end; ++row) {
+        level_[row] = std::min(level_[row], classed(urgency(needs_[0][row]) / reach, before_[row]));
+      }
+    });
+  }
+
+  /// The coarsest level whose step is at most 1/urgency, coarser than `now` only with room to spare.
+  Level classed(double urgency, Level now) const {
+    const auto level = [this](double u) { return u > 0.0 ? ladder_.level_of(1.0 / u) : ladder_.coarsest(); };
+    return std::min(level(urgency), std::max(now, level(kHysteresis * urgency)));
+  }
+
+  /// Mean square of the content's speeds [m2/s2], not below what gravity makes quiet.
+  double mean_square_speed() const {
+    const std::uint32_t n = balls_.content_count();
+    const auto square = [this](std::uint32_t row) {
+      const BallRow& r = balls_.rows[row];
+      return r.vx * r.vx + r.vy * r.vy + r.vz * r.vz;
+    };
+    double largest = 0.0;
+    for (std::uint32_t row = 0; row < n; ++row) largest = std::max(largest, square(row));
+    // Whole numbers of a unit that depends on the largest only: the sum is the same in any order of the balls.
+    const double unit = std::max(largest, std::numeric_limits<double>::min()) * 0x1p-38;
+    std::int64_t sum = 0;
+    for (std::uint32_t row = 0; row < n; ++row) sum += std::llround(square(row) / unit);
+    const double quiet = kQuiet * kQuiet * setup_.gravity.norm() * length_scale_;
+    return std::max({unit * static_cast<double>(sum) / std::max(1.0, static_cast<double>(n)), quiet, std::numeric_limits<double>::min()});
   }
 
   /// Sorts contacts by level and balls by the finest level at which they take part.
@@ -605,7 +673,7 @@ class MultirateStepper final : public core::BallStepper {
   std::size_t stride() const { return balls_.content_count() + std::size_t{1}; }
 
   Ladder ladder_;
-  Classes classes_;
+  int renew_every_;                  // coarse steps between regular renewals
   double interval_;                  // s, between regular renewals
   bool events_;
   core::EventBook event_book_;
@@ -624,7 +692,10 @@ class MultirateStepper final : public core::BallStepper {
   std::vector<std::vector<std::uint32_t>> recorded_[2];
   PairBook books_[2];                    // among balls, with fixed balls
   std::vector<std::vector<Need>> needs_;  // per thread
+  std::vector<double> strides_;           // see shared_reach()
+  std::vector<Level> before_;             // levels of the balls before the present renewal
   std::vector<double> margin_;            // m, see margin()
+  double speed2_ = 0.0;                   // m2/s2, see mean_square_speed()
   double largest_inverse_mass_ = 0.0;
   std::vector<Opened> opened_;
   std::vector<std::size_t> level_count_;

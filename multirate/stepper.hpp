@@ -5,9 +5,6 @@
 
 namespace grainclock::multirate {
 
-/// Coarse steps between regular renewals of classes.
-constexpr int kRenewEvery = 6;
-
 /// Throws InputError where a key combination is not offered (names the key and what is).
 std::unique_ptr<core::Stepper> make_multirate_stepper(const core::State& state, const core::StepperSetup& setup);
 

@@ -6,80 +6,100 @@
 #include <gtest/gtest.h>
 #include <Eigen/Eigenvalues>
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace grainclock::multirate {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kTolerance = 0x1p-13, kDiameter = 0.5;  // powers of two: the class limits are exact
-constexpr double kLength = kApproachPerTolerance * kTolerance * kDiameter;
-const Ladder kLadder(0x1p-12, 8);
 
-Classes classes(double stiffness_ratio = 1.0) { return {kLadder, kTolerance, kDiameter, stiffness_ratio}; }
-Level need(const Classes& some, double approach, bool fixed) { return some.need(some.weighted(approach, fixed)); }
-
-/// The fastest approach [m/s] that needs no step finer than that of `level`, by bisection down to neighbouring numbers.
-double fastest_of(const Classes& some, Level level) {
-  double slow = 0.0, fast = 1e6;
-  while (std::nextafter(slow, fast) < fast) {
-    const double middle = 0.5 * (slow + fast);
-    (some.need(middle) >= level ? slow : fast) = middle;
-  }
-  return slow;
+/// The urgency [1/s] of a pair of circular frequency omega [1/s].
+double urgency(double overlap, double rate, double acceleration, double omega, double speed) {
+  return std::pow(motion_of(overlap, rate, acceleration, omega * omega, speed * speed).urgency4, 0.25);
+}
+bool is_impact(double overlap, double rate, double acceleration, double omega) {
+  return motion_of(overlap, rate, acceleration, omega * omega, 1.0).is_impact;
 }
 
-TEST(Classes, LimitsAreHalfOpenAndGeometric) {
-  const Classes some = classes();
-  for (Level level = 1; level <= kLadder.coarsest(); ++level) {
-    const double limit = fastest_of(some, level);
-    // Two roundings: of the quotient and of the limit itself.
-    EXPECT_NEAR(limit * kLadder.step(level) / kLength, 1.0, 2.0 * std::numeric_limits<double>::epsilon());
-    EXPECT_EQ(some.need(limit), level);
-    EXPECT_EQ(some.need(std::nextafter(limit, kInfinity)), level - 1);
-  }
-}
-
-TEST(Classes, FasterPairsNeverGetCoarser) {
+TEST(Classes, UrgencyIsTheSameAllThroughAnOscillation) {
   tests::Random random(1);
-  for (const double ratio : {0.1, 1.0, 100.0}) {
-    const Classes some = classes(ratio);
-    for (int k = 0; k < 2000; ++k) {
-      const double v = std::exp(random.between(-12.0, 6.0)), faster = v * random.between(1.0, 3.0);
-      for (const bool fixed : {false, true}) {
-        EXPECT_LE(need(some, faster, fixed), need(some, v, fixed));
-        EXPECT_EQ(need(some, -v, fixed), need(some, v, fixed));  // opening counts as closing does
-      }
-    }
+  for (int k = 0; k < 200; ++k) {
+    const double omega = std::exp(random.between(3.0, 9.0)), v = std::exp(random.between(-8.0, 3.0)), speed = random.between(0.1, 2.0);
+    const double phase = random.between(0.0, 6.0), rest = 2.0 * v / omega;  // m, deep enough to stay closed
+    const double u = urgency(rest + v / omega * std::sin(phase), v * std::cos(phase), omega * v * std::sin(phase), omega, speed);
+    EXPECT_NEAR(u / (omega * std::sqrt(v / speed)), 1.0, 1e-14);  // a few roundings
   }
 }
 
-TEST(Classes, EveryLevelIsReached) {
-  std::vector<int> count(static_cast<std::size_t>(kLadder.levels()));
-  for (double v = 1e-5; v < 1e3; v *= 1.1) ++count[classes().need(v)];
-  for (const int n : count) EXPECT_GT(n, 0);
+TEST(Classes, AnImpactIsOneFromFirstTouchToLoss) {
+  // An undamped collision between free balls: overlap v/omega sin, all of its acceleration its own.
+  const double omega = 600.0, v = 0.7;
+  for (double phase = 0.01; phase < 3.14; phase += 0.01) {
+    EXPECT_TRUE(is_impact(v / omega * std::sin(phase), v * std::cos(phase), -omega * v * std::sin(phase), omega)) << phase;
+  }
+  EXPECT_TRUE(is_impact(-1e-3, v, 0.0, omega));  // about to touch
+  EXPECT_TRUE(is_impact(0.0, v, 0.0, omega));
 }
 
-TEST(Classes, WhatDoesNotApproachMayTakeTheCoarsestStep) {
-  EXPECT_EQ(need(classes(100.0), 0.0, false), kLadder.coarsest());
-  EXPECT_EQ(need(classes(100.0), 0.0, true), kLadder.coarsest());
-  EXPECT_EQ(classes().need(std::numeric_limits<double>::denorm_min()), kLadder.coarsest());
+TEST(Classes, ASmallSwingAboutADeepOverlapIsSmooth) {
+  const double omega = 600.0, deep = 1e-3;
+  const double opening = kOpening * omega * deep;  // m/s
+  EXPECT_FALSE(is_impact(deep, std::nextafter(opening, 0.0) * (1.0 - 1e-12), 0.0, omega));
+  EXPECT_TRUE(is_impact(deep, opening * (1.0 + 1e-12), 0.0, omega));  // 1e-12: far above the roundings of the squares
+  EXPECT_FALSE(is_impact(deep, 0.0, 0.99 * omega * opening, omega));
+  EXPECT_TRUE(is_impact(deep, 0.0, -1.01 * omega * opening, omega));
 }
 
-TEST(Classes, FixedPartnersWeighByTheRootOfTheirStiffness) {
+TEST(Classes, WhatDoesNotMoveAsksForNothing) {
+  EXPECT_EQ(urgency(1e-4, 0.0, 0.0, 600.0, 1.0), 0.0);
+  EXPECT_EQ(urgency(-1e-4, 0.0, 9.81, 600.0, 1.0), 0.0);  // open: no spring that could swing
+}
+
+TEST(Classes, UrgencyGrowsWithSpeedAndStiffnessAndFallsWithTheScenesSpeed) {
+  const double u = urgency(1e-4, 0.5, 0.0, 600.0, 1.0);
+  EXPECT_NEAR(urgency(1e-4, 2.0, 0.0, 600.0, 1.0) / u, 2.0, 1e-14);   // the root of the speed
+  EXPECT_NEAR(urgency(1e-4, 0.5, 0.0, 6000.0, 1.0) / u, 10.0, 1e-13); // a fixed share of the collision's duration
+  EXPECT_NEAR(urgency(1e-4, 0.5, 0.0, 600.0, 4.0) / u, 0.5, 1e-14);
+}
+
+/// What shared_reach() promises: the rms error at reach r.
+double expected_error(const std::vector<double>& strides, std::size_t balls, double factor, double reach) {
+  double sum = 0.0;
+  for (const double stride : strides) sum += std::pow(factor * std::min(reach * reach, stride), 2);
+  return std::sqrt(sum / static_cast<double>(balls));
+}
+
+TEST(Classes, TheSharedReachSpendsTheTolerance) {
   tests::Random random(2);
-  const Classes stiff = classes(256.0), soft = classes(0.25);  // roots are exact
-  for (int k = 0; k < 2000; ++k) {
-    const double v = std::exp(random.between(-12.0, 6.0));
-    EXPECT_EQ(stiff.weighted(v, false), v);
-    EXPECT_EQ(stiff.weighted(-v, true), 16.0 * v);
-    EXPECT_EQ(soft.weighted(v, true), v);  // softer ones count no less
+  for (int k = 0; k < 100; ++k) {
+    std::vector<double> strides(1 + random.below(200));
+    for (double& stride : strides) stride = std::exp(random.between(-12.0, 2.0));
+    const std::size_t balls = strides.size() + random.below(1000);
+    const double tolerance = std::exp(random.between(-12.0, -2.0));
+    const double reach = shared_reach(strides, balls, 0.3, tolerance);
+    if (std::isinf(reach)) {
+      EXPECT_LE(expected_error(strides, balls, 0.3, reach), tolerance * (1.0 + 1e-12));  // sums of up to 200 terms
+    } else {
+      EXPECT_NEAR(expected_error(strides, balls, 0.3, reach) / tolerance, 1.0, 1e-10);  // the same, and a difference
+      EXPECT_LT(reach * reach, *std::max_element(strides.begin(), strides.end()));
+    }
+    std::reverse(strides.begin(), strides.end());
+    EXPECT_EQ(shared_reach(strides, balls, 0.3, tolerance), reach);  // to the bit, in any order
   }
 }
 
-TEST(Classes, ATenthOfTheToleranceNeedsATenthOfTheSpeed) {
-  const Classes loose(kLadder, 1e-3, kDiameter, 1.0), tight(kLadder, 1e-4, kDiameter, 1.0);
-  for (double v = 1e-5; v < 1e3; v *= 1.37) EXPECT_EQ(tight.need(v), loose.need(10.0 * v)) << v;
+TEST(Classes, WithoutUrgentBallsThereIsNoBound) {
+  EXPECT_EQ(shared_reach({}, 10, 0.3, 1e-4), kInfinity);
+  EXPECT_EQ(shared_reach({1e-6, 1e-5}, 10, 0.3, 1e-4), kInfinity);
+}
+
+TEST(Classes, WhereAllBallsCollideTheReachIsTheRootOfTheTolerance) {
+  const std::vector<double> strides(50, 1.0);
+  EXPECT_NEAR(shared_reach(strides, 50, 0.25, 1e-4), 0.02, 1e-15);  // 0.25 r^2 = 1e-4; rounding
+  // One in a hundred: the rms over all balls allows ten times the error.
+  EXPECT_NEAR(shared_reach(strides, 5000, 0.25, 1e-4), 0.02 * std::sqrt(10.0), 1e-14);
 }
 
 /// Contacts of one ball, in both forms.

@@ -17,12 +17,14 @@ struct Gains {
   double predicted, counted;
 };
 
-/// Both against uniform steps of the finest step that the prediction has in use.
-Gains gains(const core::State& start, bool open, double tolerance, int steps) {
+/// Both against uniform steps of the finest step that the prediction has in use, over `steps` coarse steps or, if none
+/// are given, two regular renewals.
+Gains gains(const core::State& start, bool open, double tolerance, int steps = 0) {
   core::StepperSetup setup = tests::silo_setup(core::Method::multirate, kCoarsest, open);
   setup.stepping.tolerance = tolerance;
   const Prediction prediction = predict(start, setup);
   const auto stepper = make_multirate_stepper(start, setup);
+  if (steps == 0) steps = 2 * tests::renew_every(*stepper);
   const double uniform = stepper->level_statistics().listed * kCoarsest / prediction.step.front() * steps;
   stepper->advance(steps);
   return {prediction.gain, uniform / static_cast<double>(stepper->costs().contact_evaluations)};
@@ -32,7 +34,7 @@ TEST(CostModel, PredictsWhatIsCountedAtOnce) {
   for (const double tolerance : {1e-3, 1e-4, 1e-5})
     for (const bool open : {false, true}) {
       SCOPED_TRACE(testing::Message() << (open ? "flowing" : "closed") << ", tolerance " << tolerance);
-      const Gains its = gains(open ? tests::flowing_silo() : tests::resting_silo(), open, tolerance, 2 * kRenewEvery);
+      const Gains its = gains(open ? tests::flowing_silo() : tests::resting_silo(), open, tolerance);
       EXPECT_NEAR(its.predicted / its.counted, 1.0, 0.15);
     }
 }
@@ -76,9 +78,10 @@ TEST(CostModel, OneLevelGainsWhatItSkipsAndPaysForRenewals) {
   EXPECT_GT(its.gain, 1.1);
   const auto stepper = make_multirate_stepper(tests::flowing_silo(), setup);
   const double listed = stepper->level_statistics().listed;
-  stepper->advance(kRenewEvery);
+  const int interval = tests::renew_every(*stepper);
+  stepper->advance(interval);
   // A single regular renewal: the prediction is the count itself, but for sums in floating point.
-  EXPECT_NEAR(its.gain, listed * kRenewEvery / static_cast<double>(stepper->costs().contact_evaluations), 1e-12);
+  EXPECT_NEAR(its.gain, listed * interval / static_cast<double>(stepper->costs().contact_evaluations), 1e-12);
 }
 
 }  // namespace

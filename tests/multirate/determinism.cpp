@@ -141,7 +141,7 @@ void expect_same_run(const core::Stepper& a, const core::Stepper& b) {
 
 /// Goes on to a time at which a checkpoint may be taken.
 void to_checkpoint(core::Stepper& stepper) {
-  for (int k = 0; k < 2 * kRenewEvery && !stepper.is_checkpointable(); ++k) stepper.advance(1);
+  for (int k = 0; k < 2 * tests::renew_every(stepper) && !stepper.is_checkpointable(); ++k) stepper.advance(1);
   ASSERT_TRUE(stepper.is_checkpointable());
 }
 
@@ -182,7 +182,7 @@ TEST(Restart, AChainOfRestartsEqualsOneRun) {
   const auto straight = make_multirate_stepper(tests::flowing_silo(), setup);
   auto chained = make_multirate_stepper(tests::flowing_silo(), setup);
   for (int link = 0; link < 60; ++link) {
-    chained->advance(kRenewEvery);
+    chained->advance(tests::renew_every(*chained));
     to_checkpoint(*chained);
     chained = resumed(*chained, setup);
   }
@@ -194,8 +194,9 @@ TEST(Restart, OnlyRenewalsCanBeCheckpointed) {
   const auto stepper =
       make_multirate_stepper(tests::resting_silo(), tests::silo_setup(core::Method::multirate, kStep, false));
   EXPECT_TRUE(stepper->is_checkpointable());
+  const int interval = tests::renew_every(*stepper);
   int between = 0;
-  for (int k = 0; k < 10 * kRenewEvery; ++k) {
+  for (int k = 0; k < 10 * interval; ++k) {
     stepper->advance(1);
     const State state = stepper->state();
     EXPECT_EQ(state.level.size(), state.size());
@@ -208,7 +209,7 @@ TEST(Restart, OnlyRenewalsCanBeCheckpointed) {
       EXPECT_TRUE(state.evaluated_velocity.empty());
     }
     // Whatever else happens, every so many steps there is a checkpoint.
-    EXPECT_TRUE(stepper->is_checkpointable() || stepper->steps_done() % kRenewEvery != 0);
+    EXPECT_TRUE(stepper->is_checkpointable() || stepper->steps_done() % interval != 0);
   }
   EXPECT_GT(between, 0);
 }

@@ -52,6 +52,8 @@ TEST_P(MomentumOf, RandomCloudsIsExactToRounding) {
   const Terms terms = GetParam();
   tests::Random random(11);
   double worst = 0.0;
+  std::size_t most_levels = 0;
+  int changes = 0, ahead_of_renewal = 0, mixed = 0;  // mixed: contacts between levels, summed over the steps
   for (int cloud = 0; cloud < kClouds; ++cloud) {
     SCOPED_TRACE(testing::Message() << "cloud " << cloud);
     const State start = random_cloud(random);
@@ -63,7 +65,7 @@ TEST_P(MomentumOf, RandomCloudsIsExactToRounding) {
     setup.materials.tension = terms.tension;
     setup.materials.cohesion = terms.cohesion ? 500.0 : 0.0;
     setup.stepping.events = terms.events;
-    setup.stepping.tolerance = std::pow(10.0, random.between(-4.0, -3.0));
+    setup.stepping.tolerance = std::pow(10.0, random.between(-5.0, -4.0));
     setup.stepping.levels = 4 + static_cast<int>(random.below(6));
     setup.stepping.limiter = 1 + static_cast<int>(random.below(3));
     setup.stepping.step = random.between(2e-4, 8e-4);
@@ -71,7 +73,6 @@ TEST_P(MomentumOf, RandomCloudsIsExactToRounding) {
     const core::Energies before = stepper->energies();
 
     std::set<std::uint8_t> populated;
-    int changes = 0, ahead_of_renewal = 0, mixed = 0;
     std::vector<std::uint8_t> last = stepper->state().level;
     for (int step = 0; step < 40; ++step) {
       stepper->advance(1);
@@ -90,14 +91,18 @@ TEST_P(MomentumOf, RandomCloudsIsExactToRounding) {
       for (const core::Contact& c : stepper->contacts())
         mixed += c.other == Kind::content && level_of(now, c.i) != level_of(now, c.j);
     }
-    // The cloud tests what it is meant to test.
-    EXPECT_GE(populated.size(), 3U);
-    EXPECT_GE(changes, 10);
-    EXPECT_GE(ahead_of_renewal, 1);
-    EXPECT_GE(mixed, 10);  // contacts between levels, summed over the steps
+    most_levels = std::max(most_levels, populated.size());
     EXPECT_GT(stepper->ledger().wall_impulse.norm(), 0.0);
     EXPECT_EQ(stepper->costs().events > 0, terms.events);
   }
+  // The clouds test what they are meant to test.
+  EXPECT_GE(most_levels, 5U);
+  EXPECT_GE(changes, 100 * kClouds);
+  EXPECT_GE(ahead_of_renewal, kClouds);
+  EXPECT_GE(mixed, 100 * kClouds);
+  RecordProperty("changes", changes);
+  RecordProperty("ahead_of_renewal", ahead_of_renewal);
+  RecordProperty("mixed", mixed);
   RecordProperty("worst_residual", std::to_string(worst));
 }
 

@@ -7,6 +7,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace grainclock::tests {
 
 /// The paper's dampable materials: stiff wall, damping ratio about a half.
@@ -74,6 +76,11 @@ inline const core::State& flowing_silo() {
     return fresh(opening->state());
   }();
   return state;
+}
+
+/// Coarse steps between regular renewals of a selective stepper's classes.
+inline int renew_every(const core::Stepper& stepper) {
+  return static_cast<int>(std::lround(1.0 / stepper.level_statistics().renewals));
 }
 
 /// Expects the same balls at the same positions with the same velocities, bit for bit.
