@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
 INK, MUTED, GRID, WALL = "#1b1f24", "#6a737d", "#e3e6ea", "#c9ced6"
 HALO = [withStroke(linewidth=2.5, foreground="white")]
@@ -253,7 +253,7 @@ def floors(rows):
 def share_a_clock(rows):
     """Whether all runs from a start state were timed on one machine; files of old do not tell, they had one machine."""
     machines = {}
-    for row in rows:
+    for row in filter(counts, filter(is_point, rows)):
         machines.setdefault(row["start"], set()).add((row.get("host"), row.get("threads")))
     return all(len(its) == 1 and ";" not in str(next(iter(its))) for its in machines.values())
 
@@ -413,11 +413,12 @@ def label_points(axes, series, quantity, taken):
 
 
 def labelled(series, quantity, floor):
-    """The methods whose settings are written out, most important first: the winners, the baselines, the best of SUNDIALS."""
+    """The methods whose settings are written out, most important first: the best of each kind, and the winners."""
     order = [s for _, s in ranking(series, max(floor, TARGET_ERROR), quantity)]
+    order += [s for s in series if s not in order]
     winning = [best for *_, best in winners(series, quantity, *error_range(series)) if best]
-    baselines = [s for s in series if s.family in ("plain", "events")]
-    return list(dict.fromkeys([*order[:1], *baselines, *winning, *[s for s in order if s.family == "sundials"][:1]]))
+    best = {kind: next((s for s in order if s.family == kind), None) for kind in ("multirate", "plain", "events", "sundials")}
+    return list(dict.fromkeys([*order[:1], *filter(None, best.values()), *winning]))
 
 
 def winners(series, quantity, low, high):
@@ -503,6 +504,7 @@ def draw_accuracy(figure, study):
         axes.set(xscale="log", yscale="log", xlabel=label)
         soft_grid(axes)
         axes.margins(x=0.12, y=0.06)
+        plain_numbers(axes.xaxis)
     figure.subplots_adjust(left=0.05, right=0.785, top=0.8, bottom=0.09, wspace=0.14)
     for axes, quantity, title in zip(panels, QUANTITIES, ("Work", "Time")):
         taken = []
@@ -511,7 +513,7 @@ def draw_accuracy(figure, study):
         draw_floor(axes, floor)
         draw_winners(axes, winners(series, quantity, *axes.get_ylim()), floor)
         told = headline_text(study, quantity)
-        axes.set_title(title, loc="left", pad=8 + 15 * len(told.splitlines()))
+        axes.set_title(title, loc="left", pad=6 + 13.5 * len(told.splitlines()))
         axes.text(0, 1.02, told, transform=axes.transAxes, fontsize=9.5, linespacing=1.35)
     panels[0].set_ylabel("rms position error  [relative to rms displacement]")
     figure.suptitle(f"{study.name}: lower and further left is better", x=0.05, y=0.985, ha="left", fontsize=14.5, fontweight="bold")
@@ -594,9 +596,11 @@ def draw_gain_line(axes, series, gain):
 
 
 def plain_numbers(axis):
-    """0.1, 1, 10 in place of powers, on a logarithmic axis."""
+    """0.1, 1, 10 in place of powers, on a logarithmic axis; nothing between them where one of them is seen."""
     axis.set_major_formatter(lambda value, _: amount(value))
-    axis.set_minor_formatter(NullFormatter())
+    low, high = axis.get_view_interval()
+    if math.floor(math.log10(high)) >= math.log10(low):
+        axis.set_minor_formatter(NullFormatter())
 
 
 # ------------------------------------------------------------------ which method at which accuracy
@@ -817,7 +821,7 @@ def draw_divergence(figure, study):
 def horizon_label(start, fit):
     lines = [start]
     if (fit.get("rate") or 0) > 0:
-        lines.append(f"grows e-fold in {1e3 / fit['rate']:.3g} ms")
+        lines.append(f"e-fold in {1e3 / fit['rate']:.3g} ms")
     if fit.get("trusted_until"):
         lines.append(f"trusted until {fit['trusted_until']:.3g} s")
     return "\n".join(lines)
@@ -825,11 +829,11 @@ def horizon_label(start, fit):
 
 def draw_fit(axes, time, separation, fit, colour):
     """The fitted exponential through the rising part, and the horizon until which trajectories are trusted."""
-    if fit.get("rate"):
+    if (fit.get("rate") or 0) > 0:
         rising = rising_part(separation)
         level = np.mean(np.log(separation[rising]) - fit["rate"] * time[rising])
-        ends = time[rising][[0, -1]]
-        axes.plot(ends, np.exp(level + fit["rate"] * ends), color=colour, lw=1.4, ls=(0, (5, 3)), zorder=5)
+        ends = (np.log([separation.min(), separation.max()]) - level) / fit["rate"]
+        axes.plot(ends, np.exp(level + fit["rate"] * ends), color=INK, lw=1.2, ls=(0, (5, 3)), zorder=5)
     if fit.get("trusted_until"):
         axes.axvline(fit["trusted_until"], color=colour, lw=1.3, ls=(0, (1, 2)), zorder=2)
 
@@ -841,7 +845,8 @@ def rising_part(separation):
 
 # ------------------------------------------------------------------ stability
 
-NEUTRAL = 1.0  # growth per step at which a perturbation neither grows nor decays
+NEUTRAL = 1.0             # growth per step at which a perturbation neither grows nor decays
+GROWTH_RESOLUTION = 1e-8  # per step; a rate below it is rounding
 
 
 def draw_stability(figure, study):
@@ -850,8 +855,8 @@ def draw_stability(figure, study):
     systems = list(dict.fromkeys(row["system"] for row in cells))
     schemes = list(dict.fromkeys((row["integrator"], row["dashpot"]) for row in cells))
     panels = figure.subplots(len(systems), len(schemes), sharex=True, sharey=True, squeeze=False)
-    # Beyond these a perturbation is gone, or the run lost, within ten steps: no need to tell more apart.
-    norm = TwoSlopeNorm(NEUTRAL, 0.8, 1.25)
+    # Beyond these a perturbation is gone, or the run lost, within some tens of steps: no need to tell more apart.
+    norm = TwoSlopeNorm(NEUTRAL, 0.9, 1.1)
     image = None
     for line, system in zip(panels, systems):
         for axes, scheme in zip(line, schemes):
@@ -881,6 +886,7 @@ def draw_map(axes, cells, norm):
         if row["growth_per_step"] is not None:
             growth[steps.index(row["step_ratio"]), ratios.index(row["damping_ratio"])] = row["growth_per_step"]
     axes.set_facecolor(GRID)  # what is not known
+    axes.set(xlim=(ratios[0], ratios[-1]), ylim=(steps[0], steps[-1]))
     return axes.pcolormesh(ratios, steps, np.clip(growth, norm.vmin, norm.vmax), cmap="RdBu_r", norm=norm, shading="nearest")
 
 
@@ -889,27 +895,29 @@ def draw_limits(axes, limits):
     for column, look in (("theory_limit", {"color": INK, "lw": 2.2}), ("bound", {"color": "#0072b2", "lw": 1.8, "ls": (0, (4, 2))}),
                          ("measured_limit", {"color": INK, "ls": "none", "marker": "o", "mfc": "white", "ms": 5.5})):
         known_here = [row for row in limits if row.get(column) is not None]
-        axes.plot([row["damping_ratio"] for row in known_here], [row[column] for row in known_here], zorder=4, clip_on=False, **look)
+        axes.plot([row["damping_ratio"] for row in known_here], [row[column] for row in known_here], zorder=4, clip_on=False,
+                  path_effects=[withStroke(linewidth=4, foreground="white")], **look)
 
 
 def draw_growth(figure, study):
     """Growth rate of multi-rate stepping against its step; a line of slope 3; what does not grow stands at the bottom."""
     rows = [row for row in study.rows("growth") if row["growth_rate"] is not None]
-    growing = [row["growth_rate"] for row in rows if row["growth_rate"] > 0]
+    grows = lambda row: row["growth_rate"] * row["step"] > GROWTH_RESOLUTION
+    growing = [row["growth_rate"] for row in rows if grows(row)]
     if not rows:
         raise NothingToDraw("no growth rate is known")
     axes = figure.subplots()
     top, bottom = (max(growing), min(growing) / 4) if growing else (1.0, 0.1)
     groups = {}
     for row in rows:
-        groups.setdefault((row["system"], row["level_ratio"], row["damping_ratio"]), []).append(row)
-    colours, ratios = matplotlib.colormaps["viridis"], sorted({row["level_ratio"] for row in rows})
+        groups.setdefault((row["system"], row["ratio"], row["damping_ratio"]), []).append(row)
+    colours, ratios = matplotlib.colormaps["viridis"], sorted({row["ratio"] for row in rows})
     dampings = sorted({row["damping_ratio"] for row in rows})
     for (system, ratio, damping), group in groups.items():
         group.sort(key=lambda row: row["step"])
         colour = colours(0.05 + 0.8 * ratios.index(ratio) / max(1, len(ratios) - 1))
-        up, still = ([r for r in group if (r["growth_rate"] > 0) is grows] for grows in (True, False))
-        exponent = f", h^{group[0]['exponent']:.2f}" if up and group[0].get("exponent") else ""
+        up, still = ([r for r in group if grows(r) is wanted] for wanted in (True, False))
+        exponent = f", h^{group[0]['exponent']:.2f}" if group[0].get("exponent") else ""
         axes.plot([r["step"] for r in up], [r["growth_rate"] for r in up], color=colour, lw=1.8, mec="white", ms=7.5,
                   marker="os^D"[dampings.index(damping) % 4], zorder=4,
                   label=f"{system}, ratio {ratio:g}, damping {damping:g}" + (exponent if up else ": does not grow"))
@@ -943,7 +951,7 @@ def draw_statistics(figure, study):
     colours = method_colours(methods)
     unit = {row["measure"]: row.get("unit") or "" for row in runs}
     profiles = list(dict.fromkeys(row["measure"] for row in summary if is_profile(row)))
-    plain = [m for m in dict.fromkeys(row["measure"] for row in summary) if m not in profiles]
+    plain = plain_measures(summary, runs)
     left, right = figure.subfigures(1, 2, width_ratios=(1.25, max(1, len(profiles)))) if profiles else (figure, None)
     if plain:
         for axes, measure in zip(left.subplots(len(plain), 1, squeeze=False)[:, 0], plain):
@@ -952,7 +960,25 @@ def draw_statistics(figure, study):
     for axes, measure in zip(right.subplots(1, len(profiles), squeeze=False)[0] if right else (), profiles):
         draw_profile(axes, measure, unit, [r for r in summary if r["measure"] == measure], colours)
     heading(figure, f"{study.name}: statistics of long runs, mean and 95 % interval over {len({r['start'] for r in runs})} start states")
-    figure.supxlabel(cost_words(summary), fontsize=10, color=MUTED)
+    figure.supxlabel("\n".join(filter(None, (cost_words(summary), same_words(summary, runs, plain)))), fontsize=10, color=MUTED)
+
+
+def plain_measures(summary, runs):
+    """Measures that have no profile, and whose values differ anywhere."""
+    values = {}
+    for row in runs:
+        if row["value"] is not None:
+            values.setdefault(row["measure"], set()).add(row["value"])
+    return [m for m in dict.fromkeys(row["measure"] for row in summary if not is_profile(row)) if len(values.get(m, ())) > 1]
+
+
+def same_words(summary, runs, drawn):
+    """What is not drawn because all runs have the same of it."""
+    said = []
+    for measure in dict.fromkeys(row["measure"] for row in summary if not is_profile(row) and row["measure"] not in drawn):
+        values = {row["value"] for row in runs if row["measure"] == measure and row["value"] is not None}
+        said.append(f"{measure.replace('_', ' ')}: " + (f"{amount(values.pop())} in all runs" if values else "none"))
+    return ";  ".join(said)
 
 
 def cost_words(summary):
@@ -977,7 +1003,7 @@ def is_profile(row):
 
 def in_words(measure, unit):
     text = measure.replace("_", " ")
-    return f"{text}  [{unit[measure]}]" if unit.get(measure) else text
+    return f"{text}  [{unit[measure].replace('s-1', '1/s')}]" if unit.get(measure) else text
 
 
 def draw_measure(axes, measure, unit, summary, runs, methods, colours):
@@ -988,13 +1014,15 @@ def draw_measure(axes, measure, unit, summary, runs, methods, colours):
         axes.plot(values, [y + 0.22] * len(values), ls="none", marker="|", ms=7, color=colours[row["method"]], alpha=0.7)
         if row["mean"] is None:
             continue
-        if row["ci_low"] is not None:
+        if None not in (row["ci_low"], row["ci_high"]):
             axes.plot([row["ci_low"], row["ci_high"]], [y, y], color=colours[row["method"]], lw=3, solid_capstyle="round", alpha=0.45)
         axes.plot([row["mean"]], [y], marker="o", ms=8, color=colours[row["method"]], mec="white")
         said = {0.0: "differs", 1.0: "agrees"}.get(row.get("agrees"), "")
         axes.annotate(said, (1, y), xycoords=("axes fraction", "data"), xytext=(4, 0), textcoords="offset points", fontsize=9,
                       va="center", color="#b42318" if said == "differs" else MUTED)
     axes.set(ylim=(len(methods) - 0.5, -0.5), xlabel=in_words(measure, unit))
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.6g}")
+    axes.xaxis.set_major_locator(MaxNLocator(6))
     axes.set_yticks(range(len(methods)), methods)
     axes.tick_params(axis="y", length=0, labelcolor=INK)
     axes.margins(x=0.08)
@@ -1008,7 +1036,7 @@ def draw_profile(axes, measure, unit, summary, colours):
         here = sorted((r for r in summary if r["method"] == method and r["mean"] is not None), key=lambda r: r["z_low"])
         height = [(r["z_low"] + r["z_high"]) / 2 for r in here]
         axes.plot([r["mean"] for r in here], height, color=colours[method], lw=1.8, label=method)
-        banded = [(z, r) for z, r in zip(height, here) if r["ci_low"] is not None]
+        banded = [(z, r) for z, r in zip(height, here) if None not in (r["ci_low"], r["ci_high"])]
         axes.fill_betweenx([z for z, _ in banded], [r["ci_low"] for _, r in banded], [r["ci_high"] for _, r in banded],
                            color=colours[method], alpha=0.18, lw=0)
         differing = [(z, r) for z, r in zip(height, here) if r.get("agrees") == 0]
@@ -1212,7 +1240,7 @@ def stability_size(study):
 def statistics_size(study):
     rows = study.rows("statistics_summary")
     profiles = len({r["measure"] for r in rows if is_profile(r)})
-    plain = len({r["measure"] for r in rows}) - profiles
+    plain = len(plain_measures(rows, study.tables.get("statistics", [])))
     return 7 + 5.5 * profiles, max(5.5, 1.2 + plain * (0.8 + 0.28 * len({r["method"] for r in rows})))
 
 
@@ -1229,7 +1257,7 @@ STUDY_CHARTS = (  # of one study
 OVERVIEW = Chart("overview", "", draw_overview, lambda studies: (15, 1.9 + 0.85 * len(studies)))  # of several studies
 TOLERANCE = Chart("tolerance", "", draw_tolerance, fixed(11.5, 6.2))
 FLOW_CHARTS = tuple(  # of a run
-    Chart(name, "", draw, fixed(7.4, 12.2)) for name, draw in (("section", draw_section), ("forces", draw_forces), ("levels", draw_levels)))
+    Chart(name, "", draw, fixed(5.4, 9.8)) for name, draw in (("section", draw_section), ("forces", draw_forces), ("levels", draw_levels)))
 
 
 def figure_of(chart, data):
