@@ -29,48 +29,65 @@ void count(BranchChanges& changes, ChangeKind kind) {
 }
 
 /// The solution within the solver's last step.
+///
+/// Solvers that iterate within a step give a little less than a smooth function of time. Hence the solution that a
+/// change has been seen on is kept: computed again it could be on the branch's other side.
 class WithinStep {
  public:
-  WithinStep(Solver& solver, ContactSystem& system, N_Vector y) : solver_(solver), system_(system), solution_(N_VClone(y)) {}
+  WithinStep(Solver& solver, ContactSystem& system, N_Vector y)
+      : solver_(solver), system_(system), solution_(N_VClone(y)), kept_(N_VClone(y)) {}
 
-  /// The solution at this time [s]; the last one is kept.
-  N_Vector at(double time) {
-    if (!time_ || *time_ != time) solver_.evaluate_at(time, solution_.get());
-    time_ = time;
-    return solution_.get();
+  /// The step ends at `time` [s] with the solution `y`, which is kept.
+  void begin(double time, N_Vector y) {
+    N_VScale(1.0, y, kept_.get());
+    kept_time_ = time;
   }
-  /// Another step has been taken.
-  void forget() { time_.reset(); }
+  const Motion& at(double time) {
+    if (time == kept_time_) return system_.motion_at(kept_.get());
+    solver_.evaluate_at(time, solution_.get());
+    time_ = time;
+    return system_.motion_at(solution_.get());
+  }
+  /// Keeps the solution that was last asked for.
+  void keep() {
+    std::swap(kept_, solution_);
+    std::swap(kept_time_, time_);
+  }
+  N_Vector kept() const { return kept_.get(); }
+  double kept_time() const { return kept_time_; }
 
-  ContactSystem& system() { return system_; }
+  const WatchedPairs& watched() const { return *system_.watched(); }
 
  private:
   Solver& solver_;
   ContactSystem& system_;
-  Vector solution_;
-  std::optional<double> time_;  // s, of the solution
+  Vector solution_, kept_;
+  double time_ = 0.0, kept_time_ = 0.0;  // s
 };
 
 /// The value of a pair's exit function over a step; it is positive within the branch.
 class ExitPath {
  public:
   ExitPath(WithinStep& step, const WatchedPair& pair, const Exit& exit)
-      : step_(step), pair_(pair), exit_(exit), rounding_(step.system().watched()->rounding().of(exit)) {}
+      : step_(step), pair_(pair), exit_(exit), rounding_(step.watched().rounding().of(exit)) {}
 
   bool is_beyond(double value) const { return value < -rounding_; }
   double first() const { return exit_.value(pair_.start); }
-  double at(double time) const { return exit_.value(step_.system().watched()->approach(pair_, step_.system().motion_at(step_.at(time)))); }
+  double at(double time) const { return exit_.value(step_.watched().approach(pair_, step_.at(time))); }
 
-  /// A time [s] in (begin, end) at which the exit has been passed, if the lowest point in between is beyond it: golden sections.
-  std::optional<double> beyond(double begin, double end) const {
+  /// Looks for the lowest point of (begin, end) [s] by golden sections until a point is beyond the exit, and keeps that.
+  bool keep_beyond(double begin, double end) const {
     constexpr double kGolden = std::numbers::phi - 1.0;
     double left = end - kGolden * (end - begin), right = begin + kGolden * (end - begin);
     double at_left = at(left), at_right = at(right);
     // The lowest value is known to rounding when its place is known to half the digits.
     const double enough = std::sqrt(kEpsilon) * (end - begin);
     while (end - begin > enough) {
-      if (is_beyond(at_left)) return left;
-      if (is_beyond(at_right)) return right;
+      if (is_beyond(at_left) || is_beyond(at_right)) {
+        if (is_beyond(at_left)) at(left);
+        step_.keep();
+        return true;
+      }
       if (at_left < at_right) {
         end = right;
         right = left;
@@ -85,34 +102,36 @@ class ExitPath {
         at_right = at(right);
       }
     }
-    return std::nullopt;
+    return false;
   }
 
-  /// The time [s] between `begin`, within the branch, and `end`, beyond it with `last`, at which the exit is passed: false
-  /// position, the end that stays having its value halved.
-  double root(double begin, double end, double last) const {
+  /// Moves what is kept from a time beyond the exit to the time at which the exit is passed after `begin` [s]: false position,
+  /// the end that stays having its value halved.
+  void keep_root(double begin) const {
     // A pair that begins on its limit leaves it when it is beyond by more than rounding.
     const double level = first() > rounding_ ? 0.0 : -rounding_;
-    double low = first() - level, high = last - level;
-    int kept = 0;  // which end stayed last
-    for (int n = 0; n < kMostSections && end - begin > 2.0 * kEpsilon * end; ++n) {
+    double low = first() - level, high = at(step_.kept_time()) - level;
+    int stayed = 0;  // which end did last
+    for (int n = 0; n < kMostSections; ++n) {
+      const double end = step_.kept_time();
+      if (end - begin <= 2.0 * kEpsilon * end) return;
       double time = end - high * (end - begin) / (high - low);
       if (!(time > begin && time < end)) time = 0.5 * (begin + end);
       const double value = at(time) - level;
-      if (std::abs(value) <= 0.25 * rounding_) return time;
+      const bool is_root = std::abs(value) <= 0.25 * rounding_;
+      if (is_root || value < 0.0) step_.keep();
+      if (is_root) return;
       if (value < 0.0) {
-        end = time;
         high = value;
-        if (kept == -1) low *= 0.5;
-        kept = -1;
+        if (stayed == -1) low *= 0.5;
+        stayed = -1;
       } else {
         begin = time;
         low = value;
-        if (kept == 1) high *= 0.5;
-        kept = 1;
+        if (stayed == 1) high *= 0.5;
+        stayed = 1;
       }
     }
-    return end;
   }
 
  private:
@@ -157,26 +176,28 @@ class EventLoop {
   }
 
  private:
-  /// The earliest change within the step from `begin` to `end` [s].
+  /// The earliest change within the step from `begin` to `end` [s]; the solution there is kept.
   std::optional<Found> first_change(double begin, double end) {
     std::optional<Found> first;
-    within_.forget();
     WatchedPairs& watched = *system_.watched();
     for (WatchedPair& pair : watched.pairs()) {
       const Exits exits = exits_of(watched.law(pair), pair.branch);
       for (const Exit& exit : exits.all()) {
         const Passage how = passage(exit, pair.start, pair.end, end - begin, watched.rounding());
         if (how == Passage::none) continue;
+        if (!first) within_.begin(end, y_);
         const ExitPath path(within_, pair, exit);
-        if (path.is_beyond(path.first())) return Found{begin, &pair, exit};  // at the same time as the change before
-        std::optional<double> beyond = first ? first->time : end;
-        double last = first ? path.at(*beyond) : exit.value(pair.end);
-        if (!path.is_beyond(last)) {
-          if (how == Passage::grazing) beyond = path.beyond(begin, *beyond);
-          else beyond.reset();  // passed after the first change
-          if (beyond) last = path.at(*beyond);
+        if (path.is_beyond(path.first())) {  // at the same time as the change before
+          path.at(begin);
+          within_.keep();
+          return Found{begin, &pair, exit};
         }
-        if (beyond) first = Found{path.root(begin, *beyond, last), &pair, exit};
+        // What is kept is the step's end or the first change: a later one does not count.
+        const bool passed = path.is_beyond(path.at(within_.kept_time())) ||
+                            (how == Passage::grazing && path.keep_beyond(begin, within_.kept_time()));
+        if (!passed) continue;
+        path.keep_root(begin);
+        first = Found{within_.kept_time(), &pair, exit};
       }
     }
     return first;
@@ -185,7 +206,7 @@ class EventLoop {
   /// Puts the pair onto its new branch and starts the solver anew.
   void stop_at(const Found& change) {
     WatchedPairs& watched = *system_.watched();
-    N_VScale(1.0, within_.at(change.time), y_);
+    N_VScale(1.0, within_.kept(), y_);
     WatchedPair& pair = *change.pair;
     pair.branch = change.exit.to;
     if (change.time - pair.window > window_) {
