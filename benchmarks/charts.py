@@ -832,7 +832,7 @@ def draw_fit(axes, time, separation, fit, colour):
     if (fit.get("rate") or 0) > 0:
         rising = rising_part(separation)
         level = np.mean(np.log(separation[rising]) - fit["rate"] * time[rising])
-        ends = (np.log([separation.min(), separation.max()]) - level) / fit["rate"]
+        ends = np.clip((np.log([separation.min(), separation.max()]) - level) / fit["rate"], time[0], time[-1])
         axes.plot(ends, np.exp(level + fit["rate"] * ends), color=INK, lw=1.2, ls=(0, (5, 3)), zorder=5)
     if fit.get("trusted_until"):
         axes.axvline(fit["trusted_until"], color=colour, lw=1.3, ls=(0, (1, 2)), zorder=2)
