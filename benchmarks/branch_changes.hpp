@@ -48,7 +48,7 @@ struct Exits {
 };
 Exits exits_of(const core::ContactLaw& law, Branch branch);
 
-/// What rounding makes of overlaps [m] and rates [m/s]; an exit counts only beyond that.
+/// What rounding, or an integration's tolerance, makes of overlaps [m] and rates [m/s]; an exit counts only beyond that.
 struct Rounding {
   double overlap, rate;
   double of(const Exit& exit) const;

@@ -25,7 +25,7 @@ double largest(const double* values, std::size_t n) {
 }  // namespace
 
 ContactSystem::ContactSystem(const core::State& start, const core::Materials& materials, const core::Vec3& gravity,
-                             bool outlet_open, int threads, std::optional<double> ahead)
+                             bool outlet_open, int threads)
     : field_(start, materials, gravity, outlet_open, threads) {
   double radii = 0.0;
   for (std::size_t row = 0; row < start.size(); ++row) {
@@ -38,11 +38,13 @@ ContactSystem::ContactSystem(const core::State& start, const core::Materials& ma
   motion_ = {origin_, start_velocity_};
   length_ = kQuotientStep * 2.0 * radii / static_cast<double>(rows_.size());
   speed_ = length_ * std::sqrt(std::max(materials.ball.k, materials.wall.k) / materials.mass(radii / static_cast<double>(rows_.size())));
-  if (ahead) {
-    watched_.emplace(start, materials, outlet_open, *ahead);
-    watched_->append_fixed(motion_);
-    watched_->renew(motion_);
-  }
+}
+
+void ContactSystem::watch(const core::State& start, const core::Materials& materials, bool outlet_open, double ahead,
+                          const Rounding& tolerance) {
+  watched_.emplace(start, materials, outlet_open, ahead, tolerance);
+  watched_->append_fixed(motion_);
+  watched_->renew(motion_);
 }
 
 void ContactSystem::write_start(N_Vector y) const {

@@ -14,9 +14,10 @@ namespace grainclock::benchmarks {
 /// Relative tolerances then mean displacements, not distances from an arbitrary origin.
 class ContactSystem {
  public:
-  /// `ahead` [s]: see WatchedPairs; no pairs are watched without it.
   ContactSystem(const core::State& start, const core::Materials& materials, const core::Vec3& gravity, bool outlet_open,
-                int threads, std::optional<double> ahead);
+                int threads);
+  /// From now on pairs keep their branches; `ahead` and `tolerance`: see WatchedPairs.
+  void watch(const core::State& start, const core::Materials& materials, bool outlet_open, double ahead, const Rounding& tolerance);
 
   std::size_t unknowns() const { return 2 * origin_.size(); }
   /// The start's unknowns; and a state's content from unknowns.

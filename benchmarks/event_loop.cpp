@@ -108,9 +108,11 @@ class ExitPath {
   /// Moves what is kept from a time beyond the exit to the time at which the exit is passed after `begin` [s]: false position,
   /// the end that stays having its value halved.
   void keep_root(double begin) const {
-    // A pair that begins on its limit leaves it when it is beyond by more than rounding.
-    const double level = first() > rounding_ ? 0.0 : -rounding_;
+    // Beyond the exit by no more than rounding; where the pair begins on its limit, by that much more. On the other side
+    // the new branch would end at once.
+    const double level = first() > rounding_ ? -0.5 * rounding_ : -1.5 * rounding_;
     double low = first() - level, high = at(step_.kept_time()) - level;
+    if (high >= -0.5 * rounding_) return;
     int stayed = 0;  // which end did last
     for (int n = 0; n < kMostSections; ++n) {
       const double end = step_.kept_time();
@@ -118,7 +120,7 @@ class ExitPath {
       double time = end - high * (end - begin) / (high - low);
       if (!(time > begin && time < end)) time = 0.5 * (begin + end);
       const double value = at(time) - level;
-      const bool is_root = std::abs(value) <= 0.25 * rounding_;
+      const bool is_root = std::abs(value) <= 0.5 * rounding_;
       if (is_root || value < 0.0) step_.keep();
       if (is_root) return;
       if (value < 0.0) {

@@ -15,12 +15,16 @@ using core::Kind;
 
 /// Absolute tolerances where displacements and speeds are near zero: rtol times a hundredth of a
 /// mean diameter d, and times the speed gained by falling through that.
-void fill_tolerances(N_Vector tolerances, double rtol, double diameter, double gravity) {
-  const auto n = static_cast<std::size_t>(N_VGetLength(tolerances)) / 2;
+Rounding absolute_tolerances(double rtol, double diameter, double gravity) {
   const double length = 0.01 * diameter;
+  return {rtol * length, rtol * std::sqrt(2.0 * std::max(gravity, 1.0) * length)};
+}
+
+void fill(N_Vector tolerances, const Rounding& absolute) {
+  const auto n = static_cast<std::size_t>(N_VGetLength(tolerances)) / 2;
   double* values = N_VGetArrayPointer(tolerances);
-  std::fill_n(values, n, rtol * length);
-  std::fill_n(values + n, n, rtol * std::sqrt(2.0 * std::max(gravity, 1.0) * length));
+  std::fill_n(values, n, absolute.overlap);
+  std::fill_n(values + n, n, absolute.rate);
 }
 
 /// The lightest ball's time scale on the stiffest spring [s]. Longer steps would be unstable in any contact;
@@ -68,14 +72,16 @@ ReferenceRun integrate(const ReferenceSettings& settings, const core::State& sta
                        double horizon) {
   check(settings, start, horizon);
   const double longest = longest_step(start, setup.materials);
-  std::optional<double> ahead;
-  if (settings.roots) ahead = std::max(longest, settings.slow_step);
-  ContactSystem system(start, setup.materials, setup.gravity, setup.outlet_open, setup.threads, ahead);
+  const Rounding tolerance = absolute_tolerances(settings.rtol, mean_diameter(start), setup.gravity.norm());
+  ContactSystem system(start, setup.materials, setup.gravity, setup.outlet_open, setup.threads);
+  if (settings.roots) {
+    system.watch(start, setup.materials, setup.outlet_open, std::max(longest, settings.slow_step), tolerance);
+  }
 
   const Context context = make_context();
   const Vector y = make_vector(system.unknowns(), context), tolerances = make_vector(system.unknowns(), context);
   system.write_start(y.get());
-  fill_tolerances(tolerances.get(), settings.rtol, mean_diameter(start), setup.gravity.norm());
+  fill(tolerances.get(), tolerance);
   const auto solver = make_solver(settings.scheme, {context.get(), system, y.get(), tolerances.get(), settings.rtol, longest,
                                                     settings.slow_step});
 

@@ -24,9 +24,10 @@ core::SkinRule skin_rule(double mean_diameter, double ahead) {
   return rule;
 }
 
-/// A few roundings of the largest coordinate and of the speeds that the scene begins with or gravity soon gives.
-Rounding rounding_of(const core::Balls& balls) {
-  constexpr double kRoundings = 4.0;
+/// A few roundings of the largest coordinate and of the speeds that the scene begins with or gravity soon gives; or, if that
+/// is more, a hundredth of what an integration with these tolerances tells apart.
+Rounding rounding_of(const core::Balls& balls, const Rounding& tolerance) {
+  constexpr double kRoundings = 4.0, kShare = 0.01;
   double length = 0.0, speed = std::sqrt(10.0 * balls.mean_diameter);
   for (std::uint32_t row = 0; row < balls.rows.size(); ++row) {
     if (row == balls.far_row()) continue;
@@ -35,7 +36,7 @@ Rounding rounding_of(const core::Balls& balls) {
     speed = std::max({speed, std::abs(r.vx), std::abs(r.vy), std::abs(r.vz)});
   }
   const double unit = kRoundings * std::numeric_limits<double>::epsilon();
-  return {unit * length, unit * speed};
+  return {std::max(unit * length, kShare * tolerance.overlap), std::max(unit * speed, kShare * tolerance.rate)};
 }
 
 bool before(const WatchedPair& a, const WatchedPair& b) { return a.i != b.i ? a.i < b.i : a.j < b.j; }
@@ -52,14 +53,15 @@ double beyond_law(const ContactLaw& law, Branch branch, const Approach& at, Part
 
 }  // namespace
 
-WatchedPairs::WatchedPairs(const core::State& state, const core::Materials& materials, bool outlet_open, double ahead)
+WatchedPairs::WatchedPairs(const core::State& state, const core::Materials& materials, bool outlet_open, double ahead,
+                           const Rounding& tolerance)
     : ball_(law_of(materials, materials.ball)),
       wall_(law_of(materials, materials.wall)),
       balls_(state, materials, !outlet_open),
       list_(materials.reach(), skin_rule(balls_.mean_diameter, ahead), 1),
       ahead_(ahead),
       ids_(balls_.id),
-      rounding_(rounding_of(balls_)) {
+      rounding_(rounding_of(balls_, tolerance)) {
   std::sort(ids_.begin(), ids_.end());
   inverse_mass_.resize(content_count());
   for (std::uint32_t row = 0; row < content_count(); ++row) {

@@ -22,8 +22,9 @@ struct WatchedPair {
 
 class WatchedPairs {
  public:
-  /// `ahead` [s]: the longest step; a pair is watched at least so long before it can meet.
-  WatchedPairs(const core::State& state, const core::Materials& materials, bool outlet_open, double ahead);
+  /// `ahead` [s]: the longest step; a pair is watched at least so long before it can meet. `tolerance`: of the integration.
+  WatchedPairs(const core::State& state, const core::Materials& materials, bool outlet_open, double ahead,
+               const Rounding& tolerance);
 
   std::size_t content_count() const { return balls_.content_count(); }
   std::size_t ball_count() const { return balls_.content_count() + balls_.fixed_count(); }

@@ -42,6 +42,53 @@ TEST(ForceField, IsTheLawOverAllPairsWhereverTheBallsGo) {
   }
 }
 
+TEST(ForceField, PartsAddUpToTheWhole) {
+  State state = tests::tray(5, 3, 3);
+  for (Vec3& x : state.position) x.z() *= 0.985;  // touching from layer to layer, some of it clamped
+  const auto x = flat(state, state.position), v = flat(state, state.velocity);
+  for (const double cohesion : {0.0, 1e4}) {
+    for (const bool tension : {false, true}) {
+      Materials materials;
+      materials.cohesion = cohesion;
+      materials.tension = tension;
+      ForceField field(state, materials, kGravity, false, 1);
+      const auto part = [&](Part which) {
+        std::vector<double> a(3 * field.size());
+        field.acceleration(x, v, a, which);
+        return a;
+      };
+      const auto all = part(Part::all), springs = part(Part::springs), dashpots = part(Part::dashpots);
+      const auto ball_pairs = part(Part::ball_pairs), fixed_pairs = part(Part::fixed_pairs);
+      double largest = 0.0;
+      for (std::size_t k = 0; k < all.size(); ++k) largest = std::max({largest, std::abs(springs[k]), std::abs(dashpots[k])});
+      for (std::size_t k = 0; k < all.size(); ++k) {
+        // Sums are exact in integers; each part is rounded once or twice as it becomes a double.
+        EXPECT_NEAR(springs[k] + dashpots[k], all[k], 1e-15 * largest);
+        EXPECT_NEAR(ball_pairs[k] + fixed_pairs[k], all[k], 1e-15 * largest);
+      }
+      // The springs are the law without dashpots; the content's own contacts the law without fixed balls.
+      Materials undamped = materials;
+      undamped.ball.c = undamped.wall.c = 0.0;
+      State alone;
+      for (std::size_t i = 0; i < state.size(); ++i) {
+        if (state.kind[i] == Kind::content) alone.add(state.id[i], state.kind[i], state.position[i], state.velocity[i], state.radius[i]);
+      }
+      const auto expected_springs = flat(state, tests::accelerations(state, undamped, kGravity));
+      const auto expected_balls = flat(alone, tests::accelerations(alone, materials, kGravity));
+      int fixed_contacts = 0, damped = 0;
+      for (std::size_t k = 0; k < all.size(); ++k) {
+        // As in IsTheLawOverAllPairsWhereverTheBallsGo.
+        EXPECT_NEAR(springs[k], expected_springs[k], 1e-7);
+        EXPECT_NEAR(ball_pairs[k], expected_balls[k], 1e-7);
+        fixed_contacts += fixed_pairs[k] != 0.0 ? 1 : 0;
+        damped += dashpots[k] != 0.0 ? 1 : 0;
+      }
+      EXPECT_GT(fixed_contacts, 5);
+      EXPECT_GT(damped, 20);
+    }
+  }
+}
+
 TEST(ForceField, RefusesWhatIsBeyondTheLimit) {
   const Materials materials;
   State state;
