@@ -39,9 +39,9 @@ constexpr double kAccelerating = 1.5;  // an approach may be faster than it look
 constexpr double kAhead = 1.1 * kAccelerating;  // intervals between renewals that lists look ahead
 constexpr double kSoon = 2.5e-4;   // mean diameters: gaps below it count as about to close
 constexpr std::size_t kWorthThreads = 4096;  // pairs or balls
-constexpr double kQuiet = 0.05;    // speeds below this share of sqrt(g d) need not be resolved relative to themselves
-constexpr int kMostCoarseSteps = 6;      // between regular renewals
-constexpr double kRenewalPhase = 1.25;   // omega times the time between renewals, of two mean balls
+constexpr double kQuiet = 0.05;         // speeds below this share of sqrt(g d) need not be resolved relative to themselves
+constexpr int kMostCoarseSteps = 6;     // between regular renewals
+constexpr double kRenewalPhase = 1.25;  // omega times the time between renewals, of two mean balls
 
 /// All listed pairs of one kind, as last recorded and classified.
 struct PairBook {
@@ -588,7 +588,8 @@ class MultirateStepper final : public core::BallStepper {
     std::int64_t sum = 0;
     for (std::uint32_t row = 0; row < n; ++row) sum += std::llround(square(row) / unit);
     const double quiet = kQuiet * kQuiet * setup_.gravity.norm() * length_scale_;
-    return std::max({unit * static_cast<double>(sum) / std::max(1.0, static_cast<double>(n)), quiet, std::numeric_limits<double>::min()});
+    return std::max({unit * static_cast<double>(sum) / std::max(1.0, static_cast<double>(n)), quiet,
+                     std::numeric_limits<double>::min()});
   }
 
   /// Sorts contacts by level and balls by the finest level at which they take part.

@@ -26,9 +26,11 @@ bool is_impact(double overlap, double rate, double acceleration, double omega) {
 TEST(Classes, UrgencyIsTheSameAllThroughAnOscillation) {
   tests::Random random(1);
   for (int k = 0; k < 200; ++k) {
-    const double omega = std::exp(random.between(3.0, 9.0)), v = std::exp(random.between(-8.0, 3.0)), speed = random.between(0.1, 2.0);
+    const double omega = std::exp(random.between(3.0, 9.0)), v = std::exp(random.between(-8.0, 3.0)),
+                 speed = random.between(0.1, 2.0);
     const double phase = random.between(0.0, 6.0), rest = 2.0 * v / omega;  // m, deep enough to stay closed
-    const double u = urgency(rest + v / omega * std::sin(phase), v * std::cos(phase), omega * v * std::sin(phase), omega, speed);
+    const double u =
+        urgency(rest + v / omega * std::sin(phase), v * std::cos(phase), omega * v * std::sin(phase), omega, speed);
     EXPECT_NEAR(u / (omega * std::sqrt(v / speed)), 1.0, 1e-14);  // a few roundings
   }
 }
@@ -59,8 +61,8 @@ TEST(Classes, WhatDoesNotMoveAsksForNothing) {
 
 TEST(Classes, UrgencyGrowsWithSpeedAndStiffnessAndFallsWithTheScenesSpeed) {
   const double u = urgency(1e-4, 0.5, 0.0, 600.0, 1.0);
-  EXPECT_NEAR(urgency(1e-4, 2.0, 0.0, 600.0, 1.0) / u, 2.0, 1e-14);   // the root of the speed
-  EXPECT_NEAR(urgency(1e-4, 0.5, 0.0, 6000.0, 1.0) / u, 10.0, 1e-13); // a fixed share of the collision's duration
+  EXPECT_NEAR(urgency(1e-4, 2.0, 0.0, 600.0, 1.0) / u, 2.0, 1e-14);    // the root of the speed
+  EXPECT_NEAR(urgency(1e-4, 0.5, 0.0, 6000.0, 1.0) / u, 10.0, 1e-13);  // a fixed share of the collision's duration
   EXPECT_NEAR(urgency(1e-4, 0.5, 0.0, 600.0, 4.0) / u, 0.5, 1e-14);
 }
 

@@ -32,7 +32,7 @@ struct Cage {
   static constexpr int kColumn = 3;
   static constexpr double kCoarsest = 4e-4;  // s, the largest coarse step; the circling ball's period is 6.3 ms
   static constexpr double kOverlap = 2e-3, kOrbit = 5e-4;  // m
-  static constexpr double kTolerance = 2.3e-4;  // the circling ball at level 0, the column at the coarsest
+  static constexpr double kTolerance = 2.3e-4;             // the circling ball at level 0, the column at the coarsest
 
   State start;
   core::StepperSetup setup;
