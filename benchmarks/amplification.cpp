@@ -68,8 +68,10 @@ double mode_limit(double damping_ratio, core::Integrator integrator) {
   const double zeta = damping_ratio;
   const auto root = [](double b) { return std::sqrt(b * b + 1.0) - b; };  // of r2 + 2 b r = 1
   switch (integrator) {
-    case core::Integrator::lagged: return root(zeta);
-    case core::Integrator::predicted: return root(2.0 * zeta);
+    case core::Integrator::lagged:
+      return root(zeta);
+    case core::Integrator::predicted:
+      return root(2.0 * zeta);
     case core::Integrator::pece:
       // (1 - 4 zeta2) r2 + 2 zeta r = 1, as long as its root keeps y below 2.
       return zeta < 0.5 ? 1.0 / (zeta + std::sqrt(1.0 - 3.0 * zeta * zeta)) : 0.5 / zeta;

@@ -43,7 +43,7 @@ core::State settled(core::State state, std::string_view source);
 /// contacts is left out: it is smaller by the overlap over the diameter, 1e-3 at most here.
 LinearSystem linearised(const PressedSystem& system);
 
-/// How a small perturbation of all modes, the highest one above all, goes on.
+/// How a small perturbation of all modes goes on; in the beginning the highest one has most of the energy.
 struct Growth {
   double total = 0.0;     // size at the end over size at the beginning
   double per_step = 0.0;  // mean over the last half of the run
@@ -62,14 +62,15 @@ double measured_limit(const PressedSystem& system, core::Integrator integrator, 
 /// `step_ratio`: coarse step over the undamped limit sqrt(m / k) of the balls in the middle.
 struct LevelledChain {
   PressedSystem system;
-  int ratio = 1;      // 2^n, at most 64
+  int ratio = 1;      // a power of two
   double step = 0.0;  // s, the coarse one
 };
 LevelledChain levelled_chain(int ratio, double step_ratio, double damping_ratio);
-/// Growth [1/s] of the fastest growing motion along the chain under selective steps (accumulate), from the matrix of
-/// one interval between renewals of classes, itself measured motion by motion; its resolution times sqrt(k / m).
-/// Throws NumericsError if the levels are not as wanted.
+/// Rates of growth below this many sqrt(k / m) are rounding.
 constexpr double kRateResolution = 1e-7;
+/// Growth [1/s] of the fastest growing motion along the chain under selective steps (accumulate), from the matrix of
+/// one interval between renewals of classes, itself measured motion by motion.
+/// Throws NumericsError if the levels are not as wanted.
 double multirate_growth_rate(const LevelledChain& chain);
 
 }  // namespace grainclock::benchmarks

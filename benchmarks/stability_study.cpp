@@ -22,27 +22,27 @@ using core::Integrator;
 using core::TomlKeys;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr std::size_t kMostBalls = 100;   // of a packing: theory takes the third power of it, a minute per job
-constexpr double kFitUpTo = 0.5;          // the growth's exponent is that of small steps
-constexpr double kAgreement = 0.05;       // of measured and theoretical limits
+constexpr std::size_t kMostBalls = 100;  // of a packing: theory takes the third power of it, a minute per job
+constexpr double kFitUpTo = 0.5;         // the growth's exponent is that of small steps
+constexpr double kAgreement = 0.05;      // of measured and theoretical limits
 constexpr const char* kFailure = "failure";
 
 /// What a study file says.
 struct StabilityPlan {
   std::vector<SystemKind> systems;
-  std::string packing_path;               // empty: the small packing
-  core::State packing;                    // as in the file
+  std::string packing_path;  // empty: the small packing
+  core::State packing;       // as in the file
   std::vector<Integrator> integrators;
   std::vector<core::Dashpot> dashpots;
   std::vector<double> damping_ratios;
-  std::vector<double> step_ratios;        // of the map
-  int steps = 2000;                       // of a run at most
+  std::vector<double> step_ratios;  // of the map
+  int steps = 2000;                 // of a run at most
   struct Growth {
-    std::vector<int> ratios;              // coarse over fine step
+    std::vector<int> ratios;  // coarse over fine step
     std::vector<double> damping_ratios;
     std::vector<double> step_ratios;
   };
-  Growth growth;                          // no ratios: none
+  Growth growth;  // no ratios: none
 };
 
 template <class Value>
@@ -57,7 +57,8 @@ std::string joined(const std::vector<Value>& values, std::string_view between) {
 /// The list `key`, read element by element; `what` says what one must be. Throws InputError unless it is a list of one or
 /// more different values.
 template <class Value, class Read>
-std::vector<Value> read_list(TomlKeys& keys, const toml::table& table, std::string_view key, const std::string& what, Read read) {
+std::vector<Value> read_list(TomlKeys& keys, const toml::table& table, std::string_view key, const std::string& what,
+                             Read read) {
   keys.allow(key);
   const toml::node* node = table.get(key);
   keys.require(node && node->is_array() && !node->as_array()->empty(), key, fmt::format("give a list, each {}", what));
@@ -72,7 +73,8 @@ std::vector<Value> read_list(TomlKeys& keys, const toml::table& table, std::stri
 }
 
 template <class Enum>
-std::vector<Enum> read_names(TomlKeys& keys, const toml::table& table, std::string_view key, std::initializer_list<Enum> all) {
+std::vector<Enum> read_names(TomlKeys& keys, const toml::table& table, std::string_view key,
+                             std::initializer_list<Enum> all) {
   std::vector<std::string_view> names;
   for (const Enum one : all) names.push_back(name(one));
   const std::string what = fmt::format("\"{}\"", joined(names, "\" or \""));
@@ -98,13 +100,14 @@ std::vector<double> read_numbers(TomlKeys& keys, const toml::table& table, std::
 
 StabilityPlan::Growth read_growth(TomlKeys keys, const toml::table& table) {
   StabilityPlan::Growth growth;
-  growth.ratios = read_list<int>(keys, table, "ratios", "1, 2, 4, 8 or 16", [](const toml::node& node) -> std::optional<int> {
-    const auto ratio = node.value_exact<std::int64_t>();
-    for (const int one : {1, 2, 4, 8, 16}) {
-      if (ratio == one) return one;
-    }
-    return std::nullopt;
-  });
+  growth.ratios =
+      read_list<int>(keys, table, "ratios", "1, 2, 4, 8 or 16", [](const toml::node& node) -> std::optional<int> {
+        const auto ratio = node.value_exact<std::int64_t>();
+        for (const int one : {1, 2, 4, 8, 16}) {
+          if (ratio == one) return one;
+        }
+        return std::nullopt;
+      });
   // More damping would need stiffer pins; the growth is long gone there.
   growth.damping_ratios = read_numbers(keys, table, "damping_ratios", 0.0, 0.1, false);
   growth.step_ratios = read_numbers(keys, table, "step_ratios", 0.0, 0.9, true);
@@ -129,7 +132,8 @@ StabilityPlan read_plan(const std::string& text, const std::string& path) {
   TomlKeys keys(root, "", path);
   StabilityPlan plan;
   keys.choice("kind", {"stability"});
-  plan.systems = read_names(keys, root, "systems", {SystemKind::pair, SystemKind::wall, SystemKind::chain, SystemKind::packing});
+  plan.systems =
+      read_names(keys, root, "systems", {SystemKind::pair, SystemKind::wall, SystemKind::chain, SystemKind::packing});
   read_packing(keys, path, plan);
   plan.integrators = read_names(keys, root, "integrators", {Integrator::lagged, Integrator::predicted, Integrator::pece});
   plan.dashpots = read_names(keys, root, "dashpots", {core::Dashpot::explicit_});
@@ -177,7 +181,8 @@ std::string slug(const Part& part) {
     return fmt::format("growth-ratio-{}-damping-{}", growth->ratio, growth->damping_ratio);
   }
   const auto& limit = std::get<LimitPart>(part);
-  return fmt::format("{}-{}-{}-damping-{}", name(limit.system), name(limit.integrator), name(limit.dashpot), limit.damping_ratio);
+  return fmt::format("{}-{}-{}-damping-{}", name(limit.system), name(limit.integrator), name(limit.dashpot),
+                     limit.damping_ratio);
 }
 
 std::string depends_on(const Part& part, const StabilityPlan& plan) {
@@ -200,10 +205,14 @@ Job job_of(const Part& part, const StabilityPlan& plan) {
 
 PressedSystem pressed(const LimitPart& part, const StabilityPlan& plan) {
   switch (part.system) {
-    case SystemKind::pair: return pressed_pair(part.damping_ratio);
-    case SystemKind::wall: return pressed_wall(part.damping_ratio);
-    case SystemKind::chain: return pressed_chain(part.damping_ratio);
-    case SystemKind::packing: break;
+    case SystemKind::pair:
+      return pressed_pair(part.damping_ratio);
+    case SystemKind::wall:
+      return pressed_wall(part.damping_ratio);
+    case SystemKind::chain:
+      return pressed_chain(part.damping_ratio);
+    case SystemKind::packing:
+      break;
   }
   return pressed_packing(part.damping_ratio,
                          plan.packing_path.empty() ? small_packing() : settled(plan.packing, plan.packing_path));
@@ -271,10 +280,12 @@ class TableMaker {
  private:
   template <class Value>
   void add_value(std::string_view column, Value value, std::string_view unit) {
-    const auto found = std::find_if(table_.columns.begin(), table_.columns.end(), [&](const TableColumn& c) { return c.name == column; });
-    TableColumn& its = found != table_.columns.end()
-                           ? *found
-                           : table_.columns.emplace_back(TableColumn{std::string(column), std::string(unit), std::vector<Value>{}});
+    const auto found =
+        std::find_if(table_.columns.begin(), table_.columns.end(), [&](const TableColumn& c) { return c.name == column; });
+    TableColumn& its =
+        found != table_.columns.end()
+            ? *found
+            : table_.columns.emplace_back(TableColumn{std::string(column), std::string(unit), std::vector<Value>{}});
     std::get<std::vector<Value>>(its.values).push_back(std::move(value));
   }
   Table table_;
@@ -325,7 +336,8 @@ class StabilityStudy final : public StudyKind {
   }
 
   void run(const Job& job, const std::filesystem::path& path) const override {
-    const auto part = std::find_if(parts_.begin(), parts_.end(), [&](const Part& p) { return job_of(p, plan_).id == job.id; });
+    const auto part =
+        std::find_if(parts_.begin(), parts_.end(), [&](const Part& p) { return job_of(p, plan_).id == job.id; });
     GC_REQUIRE(part != parts_.end(), "job {} is none of this study's; list its jobs anew", job.id);
     core::AsideFile aside(path);
     core::Hdf5File file = core::Hdf5File::create(aside.part());
@@ -399,7 +411,8 @@ class StabilityStudy final : public StudyKind {
 
   void add_growth(TableMaker& table, const GrowthPart& part, const JobFile& file) const {
     const std::size_t n = plan_.growth.step_ratios.size();
-    const std::vector<double> step = file.numbers("step", n), rate = file.numbers("growth_rate", n), fit = file.numbers("exponent", n);
+    const std::vector<double> step = file.numbers("step", n), rate = file.numbers("growth_rate", n),
+                              fit = file.numbers("exponent", n);
     for (std::size_t i = 0; i < n; ++i) {
       table.add("system", name(SystemKind::chain));
       table.add("ratio", part.ratio);
@@ -425,13 +438,14 @@ class StabilityStudy final : public StudyKind {
     const auto& measured = numbers(table, "measured_limit");
     const auto& bound = numbers(table, "bound");
     for (std::size_t i = 0; i < theory.size(); ++i) {
-      const std::string where = fmt::format("{}, {}, damping ratio {}", texts(table, "system")[i], texts(table, "integrator")[i],
-                                            numbers(table, "damping_ratio")[i]);
+      const std::string where = fmt::format("{}, {}, damping ratio {}", texts(table, "system")[i],
+                                            texts(table, "integrator")[i], numbers(table, "damping_ratio")[i]);
       if (std::abs(measured[i] - theory[i]) > kAgreement * theory[i]) {
         out.push_back(fmt::format("{}: the measured limit {:.4g} is not theory's {:.4g}", where, measured[i], theory[i]));
       }
       if (bound[i] > (1.0 + kLimitResolution) * theory[i]) {
-        out.push_back(fmt::format("{}: the bound {:.4g} is above the limit {:.4g}, hence unsafe", where, bound[i], theory[i]));
+        out.push_back(
+            fmt::format("{}: the bound {:.4g} is above the limit {:.4g}, hence unsafe", where, bound[i], theory[i]));
       }
     }
   }

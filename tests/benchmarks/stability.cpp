@@ -79,12 +79,22 @@ TEST(StabilityLimits, GrowthBeyondThemIsTheSpectralRadius) {
       const double limit = stability_limit(linear, integrator);
       // Of 12 modes the fastest does not stand alone by the time the run ends, less so the faster it grows.
       const double theory = spectral_radius(amplification_matrix(linear, 1.1 * limit, integrator));
-      EXPECT_NEAR(measured_growth(system, integrator, 1.1 * limit, kSteps).per_step / theory, 1.0, 0.03) << core::name(integrator) << ratio;
+      EXPECT_NEAR(measured_growth(system, integrator, 1.1 * limit, kSteps).per_step / theory, 1.0, 0.03)
+          << core::name(integrator) << ratio;
       const Growth below = measured_growth(system, integrator, 0.95 * limit, kSteps);
       // Without dashpots the energy of a swing oscillates by 1 / (1 - 0.95^2), a factor of 3 in its root.
       EXPECT_LT(below.total, 4.0) << core::name(integrator) << ratio;
-      EXPECT_LT(below.per_step, 1.0 + 2.0 * std::log(4.0) / kSteps) << core::name(integrator) << ratio;  // the same over half the run
+      EXPECT_LT(below.per_step, 1.0 + 2.0 * std::log(4.0) / kSteps)
+          << core::name(integrator) << ratio;  // the same over half the run
     }
+}
+
+TEST(StabilityLimits, GrowthIsSeenWhereStepsComeThroughRest) {
+  // A lagged step with h2 k = m and h c = 2 m: w' = -w - x, x' = x + w' goes through x = 0, v = 0 and grows by 1.618.
+  const PressedSystem wall = pressed_wall(1.0);
+  const double step = 0.5 * undamped_critical_step(linearised(wall));
+  // The other solution alternates with it, less and less: a part 0.38^(n/2) after n steps.
+  EXPECT_NEAR(measured_growth(wall, Integrator::lagged, step, kSteps).per_step, 0.5 * (1.0 + std::sqrt(5.0)), 0.02);
 }
 
 TEST(StabilityLimits, StepsDoWhatTheMatricesSay) {
@@ -139,7 +149,8 @@ TEST(StabilityLimits, TheBoundIsSafeInAPackingAndAtMostTwiceTooCautious) {
     ASSERT_GT(linear.spring.rows(), 90);
     for (const Integrator integrator : {Integrator::lagged, Integrator::predicted}) {
       const double bound = bound_of(system, integrator), q = core::dashpot_factor(integrator);
-      EXPECT_LE(largest_of_form(linear, bound, q), 4.0 * (1.0 + 1e-6)) << core::name(integrator) << ratio;  // the bound's rounding
+      EXPECT_LE(largest_of_form(linear, bound, q), 4.0 * (1.0 + 1e-6))
+          << core::name(integrator) << ratio;  // the bound's rounding
       EXPECT_GT(largest_of_form(linear, 2.0 * bound, q), 4.0) << core::name(integrator) << ratio;
       // Here the stiff wall decides, where a ball's own contacts are nearly all that counts.
       EXPECT_GT(largest_of_form(linear, 1.1 * bound, q), 4.0) << core::name(integrator) << ratio;
@@ -155,7 +166,8 @@ TEST(StabilityLimits, TheBoundIsSafeAndCloseForPairAndChain) {
         const double limit = stability_limit(linearised(system), integrator), bound = bound_of(system, integrator);
         EXPECT_LE(bound, (1.0 + 2.0 * kLimitResolution) * limit) << name(kind) << core::name(integrator) << ratio;
         // pece has the bound of predicted steps, whose second evaluation takes it further: 2.4 times at a ratio of one half.
-        EXPECT_GE(bound, limit / (integrator == Integrator::pece ? 2.45 : 1.05)) << name(kind) << core::name(integrator) << ratio;
+        EXPECT_GE(bound, limit / (integrator == Integrator::pece ? 2.45 : 1.05))
+            << name(kind) << core::name(integrator) << ratio;
       }
 }
 
@@ -254,7 +266,8 @@ TEST(MultirateGrowth, IsWhatLongRunsShow) {
 }
 
 TEST(MultirateGrowth, NamesTheBallWhoseLevelIsNotTheOneMeant) {
-  const std::string message = tests::message_of<core::NumericsError>([] { multirate_growth_rate(levelled_chain(2, 1.2, 0.0)); });
+  const std::string message =
+      tests::message_of<core::NumericsError>([] { multirate_growth_rate(levelled_chain(2, 1.2, 0.0)); });
   EXPECT_NE(message.find("level"), std::string::npos) << message;
   EXPECT_NE(message.find("smaller steps"), std::string::npos) << message;
 }

@@ -90,7 +90,8 @@ TEST_F(StabilityStudyFiles, TablesHoldWhatTheJobsFound) {
   ASSERT_EQ(tables.size(), 3u);
 
   const Table& limits = table(tables, "stability");
-  EXPECT_EQ(header(limits), "system,integrator,dashpot,damping_ratio,undamped_critical_step,theory_limit,bound,measured_limit,failure");
+  EXPECT_EQ(header(limits),
+            "system,integrator,dashpot,damping_ratio,undamped_critical_step,theory_limit,bound,measured_limit,failure");
   EXPECT_EQ(column<std::string>(limits, "integrator"), (std::vector<std::string>{"lagged", "lagged", "pece", "pece"}));
   EXPECT_EQ(numbers(limits, "damping_ratio"), (std::vector<double>{0.3, 1.0, 0.3, 1.0}));
   // One contact: 2 sqrt(m / k), and the closed forms.
@@ -101,7 +102,8 @@ TEST_F(StabilityStudyFiles, TablesHoldWhatTheJobsFound) {
     EXPECT_NEAR(numbers(limits, "undamped_critical_step")[i] / undamped, 1.0, 1e-9);  // rounding of the overlap
     EXPECT_NEAR(numbers(limits, "theory_limit")[i] / closed[i], 1.0, 2.0 * kLimitResolution);
     EXPECT_NEAR(numbers(limits, "measured_limit")[i] / closed[i], 1.0, 0.012);  // 1000 steps: see measured_limit()
-    const double bound = mode_limit(numbers(limits, "damping_ratio")[i], i < 2 ? core::Integrator::lagged : core::Integrator::predicted);
+    const double bound =
+        mode_limit(numbers(limits, "damping_ratio")[i], i < 2 ? core::Integrator::lagged : core::Integrator::predicted);
     EXPECT_NEAR(numbers(limits, "bound")[i] / bound, 1.0, 1e-7);  // the bound's own search stops at 1e-9
   }
 
@@ -165,7 +167,9 @@ TEST_F(StabilityStudyFiles, TablesDoWithoutJobsThatAreNotDone) {
   const std::vector<Table> tables = study->tables(files);
   EXPECT_EQ(numbers(table(tables, "stability"), "damping_ratio"), (std::vector<double>{0.3, 0.3, 1.0}));
   EXPECT_TRUE(study->tables({}).empty());
-  const std::string message = tests::message_of<core::InputError>([&] { study->run({"another", "", 1.0}, scratch_ / "x.h5"); });
+  const std::string message = tests::message_of<core::InputError>([&] {
+    study->run({"another", "", 1.0}, scratch_ / "x.h5");
+  });
   EXPECT_NE(message.find("another"), std::string::npos);
 }
 
@@ -213,8 +217,10 @@ TEST_F(StabilityStudyFiles, WarnsOfAnUnsafeBoundAndOfDisagreement) {
                 {"failure", "", std::vector<std::string>{"", "", ""}}}};
   const std::vector<std::string> warnings = study->warnings({limits});
   ASSERT_EQ(warnings.size(), 2u);
-  EXPECT_NE(warnings[0].find("wall, lagged, damping ratio 0.1: the bound 0.51 is above the limit 0.5"), std::string::npos) << warnings[0];
-  EXPECT_NE(warnings[1].find("wall, predicted, damping ratio 0.2: the measured limit 0.53"), std::string::npos) << warnings[1];
+  EXPECT_NE(warnings[0].find("wall, lagged, damping ratio 0.1: the bound 0.51 is above the limit 0.5"), std::string::npos)
+      << warnings[0];
+  EXPECT_NE(warnings[1].find("wall, predicted, damping ratio 0.2: the measured limit 0.53"), std::string::npos)
+      << warnings[1];
 }
 
 TEST_F(StabilityStudyFiles, ComplaintsNamePlaceValueAndRemedy) {
@@ -248,7 +254,8 @@ TEST_F(StabilityStudyFiles, ComplaintsNamePlaceValueAndRemedy) {
   };
   for (const Case& c : cases) {
     const std::string message = complaint(replaced(kSmall, c.from, c.to));
-    for (const std::string& word : c.words) EXPECT_NE(message.find(word), std::string::npos) << c.to << ": " << message << " lacks " << word;
+    for (const std::string& word : c.words)
+      EXPECT_NE(message.find(word), std::string::npos) << c.to << ": " << message << " lacks " << word;
   }
   EXPECT_NE(complaint("kind = \n").find("not valid TOML"), std::string::npos);
 }

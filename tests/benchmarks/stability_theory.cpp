@@ -51,7 +51,8 @@ double form_limit(const LinearSystem& system, double q) {
   for (int k = 0; k < 60; ++k) {
     const double h = 0.5 * (low + high);
     const Eigen::MatrixXd form = h * h * system.spring + q * h * system.dashpot;
-    const double largest = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(form, Eigen::EigenvaluesOnly).eigenvalues().maxCoeff();
+    const double largest =
+        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(form, Eigen::EigenvaluesOnly).eigenvalues().maxCoeff();
     (largest > 4.0 ? high : low) = h;
   }
   return low;
@@ -75,7 +76,8 @@ TEST(Amplification, StaysStableAllTheWayToTheLimit) {
     for (const double ratio : kDampingRatios)
       for (int part = 1; part < 50; ++part) {
         const double h = part / 50.0 * mode_limit(ratio, integrator) * 2.0 / kFrequency;
-        EXPECT_LE(radius(mode(ratio), h, integrator), 1.0 + 1e-7) << core::name(integrator) << ratio << " " << part;  // rounding
+        EXPECT_LE(radius(mode(ratio), h, integrator), 1.0 + 1e-7)
+            << core::name(integrator) << ratio << " " << part;  // rounding
       }
 }
 
@@ -102,7 +104,8 @@ TEST(Amplification, FollowsTheOscillatorWithTheSchemesOrder) {
         errors.push_back((found.array() - exact).abs().minCoeff());
       }
       const double order = integrator == Integrator::lagged && ratio > 0.0 ? 1.0 : 2.0;
-      EXPECT_NEAR(tests::fitted_order(steps, errors), order + 1.0, 0.1) << core::name(integrator) << ratio;  // C h^p + O(h^(p+1))
+      EXPECT_NEAR(tests::fitted_order(steps, errors), order + 1.0, 0.1)
+          << core::name(integrator) << ratio;  // C h^p + O(h^(p+1))
     }
   }
 }
@@ -112,7 +115,8 @@ TEST(Amplification, OfAnySystemChangesWhereTheSymmetricFormReachesFour) {
   for (int trial = 0; trial < 60; ++trial) {
     const LinearSystem system = random_system(random, trial % 2 == 0, std::exp(random.between(-4.0, 1.0)));
     EXPECT_NEAR(stability_limit(system, Integrator::lagged) / form_limit(system, 2.0), 1.0, 2.0 * kLimitResolution) << trial;
-    EXPECT_NEAR(stability_limit(system, Integrator::predicted) / form_limit(system, 4.0), 1.0, 2.0 * kLimitResolution) << trial;
+    EXPECT_NEAR(stability_limit(system, Integrator::predicted) / form_limit(system, 4.0), 1.0, 2.0 * kLimitResolution)
+        << trial;
   }
 }
 
