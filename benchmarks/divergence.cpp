@@ -8,9 +8,9 @@
 namespace grainclock::benchmarks {
 namespace {
 
-constexpr double kAboveFloor = 3.0;       // below that much of it the floor itself bends the curve
-constexpr double kLeastGrowth = 10.0;     // over the fitted part; less is no exponential to tell from anything else
-constexpr double kTrustedShare = 0.1;     // of the smallest error, as for accepting a reference
+constexpr double kAboveFloor = 3.0;    // below that much of it the floor itself bends the curve
+constexpr double kLeastGrowth = 10.0;  // over the fitted part; less is no exponential to tell from anything else
+constexpr double kTrustedShare = 0.1;  // of the smallest error, as for accepting a reference
 constexpr std::uint32_t kRandomStream = 0x64697665;  // of its own, so that no scene's numbers are met again
 
 struct Sample {
@@ -73,7 +73,8 @@ Growth fitted_growth(const std::vector<double>& time, const std::vector<double>&
   growth.floor = std::min_element(samples.begin(), samples.end(), [](const Sample& a, const Sample& b) {
                    return a.separation < b.separation;
                  })->separation;
-  const auto low = std::find_if(samples.rbegin(), samples.rend(), [&](const Sample& s) { return s.separation < kAboveFloor * growth.floor; });
+  const auto low = std::find_if(samples.rbegin(), samples.rend(),
+                                [&](const Sample& s) { return s.separation < kAboveFloor * growth.floor; });
   samples.erase(samples.begin(), low.base());
   if (samples.size() < 3 || samples.back().separation < kLeastGrowth * growth.floor) return growth;
   growth.begin = samples.front().time;

@@ -23,8 +23,8 @@ core::State perturbed(core::State state, double length, std::uint64_t seed);
 
 /// Exponential growth of a separation.
 struct Growth {
-  std::optional<double> rate;  // 1/s; nothing where no growth by a factor of ten is seen
-  double floor = 0.0;          // m, the smallest separation seen: what perturbation and rounding leave
+  std::optional<double> rate;     // 1/s; nothing where no growth by a factor of ten is seen
+  double floor = 0.0;             // m, the smallest separation seen: what perturbation and rounding leave
   double begin = 0.0, end = 0.0;  // s, the part that was fitted
 };
 
@@ -35,8 +35,8 @@ Growth fitted_growth(const std::vector<double>& time, const std::vector<double>&
 
 /// Time [s] until which a chart's smallest error can be told from the reference's own.
 ///
-/// The reference's own error, known as its change from a coarser run at `horizon` [s], was `reference_change` there. It grows
-/// as e(t) = reference_change exp(rate (t - horizon)). The chart holds while e(t) is at most a tenth of its smallest
+/// The reference's own error, known as its change from a coarser run at `horizon` [s], was `reference_change` there. It
+/// grows as e(t) = reference_change exp(rate (t - horizon)). The chart holds while e(t) is at most a tenth of its smallest
 /// error: t = horizon + ln(0.1 smallest_error / reference_change) / rate, and never below zero.
 /// Nothing unless all four are above zero.
 std::optional<double> trusted_until(double rate, double horizon, double reference_change, double smallest_error);

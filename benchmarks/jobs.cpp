@@ -22,7 +22,7 @@ namespace grainclock::benchmarks {
 namespace {
 
 constexpr const char* kParent = "GRAINCLOCK_STUDY_PROCESS";  // in a child's environment: whose it is
-constexpr std::size_t kLongestSlug = 120;  // file names have at most 255 bytes
+constexpr std::size_t kLongestSlug = 120;                    // file names have at most 255 bytes
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
@@ -130,10 +130,11 @@ void JobProcesses::start(const std::string& id, const std::string& program, cons
   surroundings.push_back(nullptr);
   const SpawnSettings settings(mask_before_, log);
   pid_t process = 0;
-  const int trouble = ::posix_spawn(&process, program.c_str(), settings.files(), settings.attributes(), words.data(), surroundings.data());
+  const int trouble =
+      ::posix_spawn(&process, program.c_str(), settings.files(), settings.attributes(), words.data(), surroundings.data());
   if (trouble != 0) {
-    throw core::FileError(fmt::format("{}: cannot be started for job {} (its messages go to {}): {}", program, id, log.string(),
-                                      std::strerror(trouble)));
+    throw core::FileError(fmt::format("{}: cannot be started for job {} (its messages go to {}): {}", program, id,
+                                      log.string(), std::strerror(trouble)));
   }
   running_.push_back({id, process, log, now()});
 }
@@ -154,7 +155,8 @@ Ended JobProcesses::next() {
       return ended;
     }
     const int signal = ::sigwaitinfo(&waited_, nullptr);
-    if (signal == SIGINT || signal == SIGTERM) throw core::Stopped(signal == SIGINT ? "stopped by SIGINT" : "stopped by SIGTERM");
+    if (signal == SIGINT || signal == SIGTERM)
+      throw core::Stopped(signal == SIGINT ? "stopped by SIGINT" : "stopped by SIGTERM");
   }
   return {};
 }

@@ -3,11 +3,11 @@
 
 #include "core/check.hpp"
 
+#include <sys/types.h>
 #include <csignal>
 #include <filesystem>
 #include <string>
 #include <string_view>
-#include <sys/types.h>
 #include <vector>
 
 namespace grainclock::benchmarks {
@@ -16,7 +16,8 @@ namespace grainclock::benchmarks {
 /// "mini-uniform-step-1e-05-0123456789abcdef".
 std::string job_id(std::string_view slug, std::string_view depends_on);
 
-/// How a child ended. A child that was killed has no code of its own: `stopped` for SIGINT and SIGTERM, else `numerics_failed`.
+/// How a child ended. A child that was killed has no code of its own: `stopped` for SIGINT and SIGTERM, else
+/// `numerics_failed`.
 struct Ended {
   std::string id;
   core::ExitCode code = core::ExitCode::done;

@@ -18,7 +18,6 @@
 #include <cerrno>
 #include <filesystem>
 #include <map>
-#include <set>
 
 namespace grainclock::benchmarks {
 namespace {
@@ -41,11 +40,13 @@ void require_ours(const fs::path& dir) {
   if (!fs::exists(dir)) return;
   const auto is_ours = [&](const fs::directory_entry& entry) {
     const std::string name = entry.path().filename().string();
-    return (name == kJobs && fs::is_empty(entry.path())) || name.starts_with(kDrafts) || name.starts_with(fmt::format(".{}", kDrafts));
+    return (name == kJobs && fs::is_empty(entry.path())) || name.starts_with(kDrafts) ||
+           name.starts_with(fmt::format(".{}", kDrafts));
   };
   const bool is_new = fs::is_directory(dir) && std::all_of(fs::directory_iterator(dir), fs::directory_iterator(), is_ours);
   GC_REQUIRE(is_new || holds_study(dir),
-             "--out {}: exists and is not empty, and it holds no study; give a new directory, an empty one, or that of the study to go on with",
+             "--out {}: exists and is not empty, and it holds no study; give a new directory, an empty one, or that of the "
+             "study to go on with",
              dir.string());
 }
 
@@ -73,7 +74,8 @@ class StudyDirectory {
 
   std::vector<Job> missing(const std::vector<Job>& jobs) const {
     std::vector<Job> left;
-    std::copy_if(jobs.begin(), jobs.end(), std::back_inserter(left), [&](const Job& job) { return !fs::exists(file(job.id)); });
+    std::copy_if(jobs.begin(), jobs.end(), std::back_inserter(left),
+                 [&](const Job& job) { return !fs::exists(file(job.id)); });
     return left;
   }
 
@@ -88,7 +90,8 @@ class DirectoryLock {
     const bool is_taken = descriptor_ >= 0 && ::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
     if (!is_taken) return;
     ::close(descriptor_);
-    throw core::InputError(fmt::format("--out {}: another study is at work there; wait for it, or give another directory", dir.string()));
+    throw core::InputError(
+        fmt::format("--out {}: another study is at work there; wait for it, or give another directory", dir.string()));
   }
   ~DirectoryLock() {
     if (descriptor_ >= 0) ::close(descriptor_);
@@ -100,9 +103,6 @@ class DirectoryLock {
   int descriptor_;
 };
 
-/// Throws an Error with this code.
-[[noreturn]] void fail(core::ExitCode code, const std::string& text) { throw core::Error(code, text); }
-
 std::vector<std::string> job_call(const StudyCall& call, const std::string& id) {
   return {"study", call.study, "--out", call.out, "--job", id, "--threads", fmt::format("{}", call.threads)};
 }
@@ -112,26 +112,27 @@ void run_all(const StudyCall& call, const StudyDirectory& dir, const std::vector
   std::map<std::string, Job> by_id;
   for (const Job& job : jobs) by_id[job.id] = job;
   std::size_t next = 0, done = 0;
-  std::set<std::string> running;
   JobProcesses children(call.processes);
   try {
     while (next < jobs.size() || !children.is_idle()) {
       while (next < jobs.size() && !children.is_full()) {
         const Job& job = jobs[next++];
-        running.insert(job.id);
         children.start(job.id, call.program, job_call(call, job.id), dir.log(job.id));
       }
       const Ended ended = children.next();
-      running.erase(ended.id);
       if (ended.code != core::ExitCode::done) {
-        fail(ended.code, fmt::format("job {}: {}\n{} of {} jobs of this call are done and kept; the same call goes on", ended.id, ended.message, done, jobs.size()));
+        throw core::Error(ended.code,
+                          fmt::format("job {}: {}\n{} of {} jobs of this call are done and kept; the same call goes on",
+                                      ended.id, ended.message, done, jobs.size()));
       }
-      if (!fs::exists(dir.file(ended.id))) throw core::FileError(fmt::format("job {}: ended without its file {}", ended.id, dir.file(ended.id).string()));
+      if (!fs::exists(dir.file(ended.id)))
+        throw core::FileError(fmt::format("job {}: ended without its file {}", ended.id, dir.file(ended.id).string()));
       ++done;
       progress.done(by_id[ended.id].work, fmt::format("{} ({:.3g} s)", by_id[ended.id].label, ended.seconds));
     }
   } catch (const core::Stopped& stop) {
-    throw core::Stopped(fmt::format("{}; {} of {} jobs of this call are done and kept, the same call goes on", stop.what(), done, jobs.size()));
+    throw core::Stopped(fmt::format("{}; {} of {} jobs of this call are done and kept, the same call goes on", stop.what(),
+                                    done, jobs.size()));
   }
 }
 
@@ -139,8 +140,9 @@ void run_all(const StudyCall& call, const StudyDirectory& dir, const std::vector
 void draw_charts(const fs::path& dir, const Progress& progress) {
   const fs::path script = fs::read_symlink("/proc/self/exe").parent_path().parent_path() / kCharts;
   if (!fs::exists(script) || !fs::exists(kPython)) {
-    progress.note(fmt::format("no charts: {} is not there; {}", fs::exists(script) ? kPython : script.string(),
-                              fs::exists(script) ? "install python3, python3-h5py and python3-matplotlib" : "build grainclock's target again"));
+    progress.note(fmt::format(
+        "no charts: {} is not there; {}", fs::exists(script) ? kPython : script.string(),
+        fs::exists(script) ? "install python3, python3-h5py and python3-matplotlib" : "build grainclock's target again"));
     return;
   }
   const fs::path log = dir / "charts.log";
@@ -149,7 +151,8 @@ void draw_charts(const fs::path& dir, const Progress& progress) {
   const Ended ended = children.next();
   if (ended.code == core::ExitCode::done) return progress.note(fmt::format("charts: {}", (dir / "*.png").string()));
   const std::string last_line = ended.message.substr(ended.message.rfind('\n') + 1);
-  progress.note(fmt::format("no charts: {}; install python3-h5py and python3-matplotlib, or see {}", last_line, log.string()));
+  progress.note(
+      fmt::format("no charts: {}; install python3-h5py and python3-matplotlib, or see {}", last_line, log.string()));
 }
 
 void write_results(const StudyCall& call, const StudyKind& study, const StudyDirectory& dir, const Progress& progress) {
@@ -204,7 +207,8 @@ void run_job(const StudyCall& call, const std::string& id) {
   const auto study = make_study(call.study, call.threads);
   const std::vector<Job> jobs = study->jobs();
   const auto job = std::find_if(jobs.begin(), jobs.end(), [&](const Job& one) { return one.id == id; });
-  GC_REQUIRE(job != jobs.end(), "--job {}: {} has no such job; `grainclock study {} --list` names them", id, call.study, call.study);
+  GC_REQUIRE(job != jobs.end(), "--job {}: {} has no such job; `grainclock study {} --list` names them", id, call.study,
+             call.study);
   const StudyDirectory dir(call.out);
   dir.prepare(study->origin().study_text);
   const Progress progress(job->work);
@@ -218,7 +222,8 @@ void collect_study(const StudyCall& call) {
   const StudyDirectory dir(call.out);
   const std::vector<Job> jobs = study->jobs();
   const std::size_t missing = dir.missing(jobs).size();
-  GC_REQUIRE(missing == 0, "--collect: {} of {} jobs are not done; run them with `grainclock study {} --out {}`", missing, jobs.size(), call.study, call.out);
+  GC_REQUIRE(missing == 0, "--collect: {} of {} jobs are not done; run them with `grainclock study {} --out {}`", missing,
+             jobs.size(), call.study, call.out);
   dir.prepare(study->origin().study_text);
   write_results(call, *study, dir, Progress(1.0));
 }

@@ -11,11 +11,11 @@
 namespace grainclock::benchmarks {
 
 struct StudyCall {
-  std::string study;    // file
-  std::string out;      // directory: new, empty, or one that holds a study
-  int threads = 1;      // of each job
-  int processes = 1;    // jobs at once; more than one spoil the wall clock
-  bool charts = true;   // drawn after the tables
+  std::string study;                       // file
+  std::string out;                         // directory: new, empty, or one that holds a study
+  int threads = 1;                         // of each job
+  int processes = 1;                       // jobs at once; more than one spoil the wall clock
+  bool charts = true;                      // drawn after the tables
   std::string program = "/proc/self/exe";  // that runs a job when called with `study STUDY --out DIR --job ID`
 };
 

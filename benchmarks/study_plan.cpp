@@ -24,13 +24,14 @@ struct NamedScheme {
   std::string_view method, variant;
 };
 constexpr NamedScheme kSchemes[] = {
-    {Scheme::cvode_adams, "cvode", "adams"},         {Scheme::cvode_bdf, "cvode", "bdf"},
-    {Scheme::erkstep, "arkode", "erk"},              {Scheme::arkstep_implicit, "arkode", "implicit"},
-    {Scheme::arkstep_imex, "arkode", "imex"},        {Scheme::mristep, "arkode", "mri"},
+    {Scheme::cvode_adams, "cvode", "adams"},  {Scheme::cvode_bdf, "cvode", "bdf"},
+    {Scheme::erkstep, "arkode", "erk"},       {Scheme::arkstep_implicit, "arkode", "implicit"},
+    {Scheme::arkstep_imex, "arkode", "imex"}, {Scheme::mristep, "arkode", "mri"},
 };
 
 const NamedScheme& named(Scheme scheme) {
-  return *std::find_if(std::begin(kSchemes), std::end(kSchemes), [=](const NamedScheme& one) { return one.scheme == scheme; });
+  return *std::find_if(std::begin(kSchemes), std::end(kSchemes),
+                       [=](const NamedScheme& one) { return one.scheme == scheme; });
 }
 
 Scheme read_scheme(TomlKeys& keys, const std::string& method) {
@@ -54,7 +55,8 @@ ReferenceSettings read_sundials(TomlKeys& keys, const std::string& method) {
     keys.require(step.has_value(), "step", "variant \"mri\" needs its slow step in s");
     settings.slow_step = *step;
   } else {
-    keys.require(!keys.has("step"), "step", "only variant = \"mri\" of SUNDIALS takes a step; the others choose theirs by rtol");
+    keys.require(!keys.has("step"), "step",
+                 "only variant = \"mri\" of SUNDIALS takes a step; the others choose theirs by rtol");
   }
   return settings;
 }
@@ -70,7 +72,8 @@ void require_uniform_keys(const TomlKeys& keys, const Stepping& stepping) {
 /// Who integrates, and how; name, repeat and finish() are left to the caller.
 Point read_integration(TomlKeys& keys, std::string_view default_method) {
   Point point;
-  const std::string method = keys.choice("method", {"uniform", "multirate", "cvode", "arkode"}).value_or(std::string(default_method));
+  const std::string method =
+      keys.choice("method", {"uniform", "multirate", "cvode", "arkode"}).value_or(std::string(default_method));
   if (method == "cvode" || method == "arkode") {
     point.sundials = read_sundials(keys, method);
     return point;
@@ -196,15 +199,16 @@ std::string made_name(const Point& point) {
 std::string keys_text(const Point& point) {
   if (point.sundials) {
     const auto& [scheme, rtol, slow_step, roots] = *point.sundials;  // a new member stops the compiler here
-    return fmt::format("{} {} rtol {} step {} roots {}", named(scheme).method, named(scheme).variant, rtol, slow_step, roots);
+    return fmt::format("{} {} rtol {} step {} roots {}", named(scheme).method, named(scheme).variant, rtol, slow_step,
+                       roots);
   }
   // All members by name: a new one stops the compiler here, and old results are not taken for those of a new key.
   const auto& [method, integrator, events, dashpot, step, tolerance, interface, levels, limiter, fallback] = point.stepping;
-  std::string text = fmt::format("{} integrator {} events {} dashpot {} step {}", core::name(method), core::name(integrator), events,
-                                 core::name(dashpot), step ? fmt::format("{}", *step) : "default");
+  std::string text = fmt::format("{} integrator {} events {} dashpot {} step {}", core::name(method), core::name(integrator),
+                                 events, core::name(dashpot), step ? fmt::format("{}", *step) : "default");
   if (method == core::Method::multirate) {
-    text += fmt::format(" tolerance {} interface {} levels {} limiter {} fallback {}", tolerance, core::name(interface), levels,
-                        limiter, fallback);
+    text += fmt::format(" tolerance {} interface {} levels {} limiter {} fallback {}", tolerance, core::name(interface),
+                        levels, limiter, fallback);
   }
   return text;
 }
@@ -234,8 +238,8 @@ std::string file_of_study(const std::string& file, const std::string& study_path
   const auto beside = std::filesystem::path(study_path).parent_path() / wanted;
   if (std::filesystem::exists(beside)) return beside.string();
   if (std::filesystem::exists(wanted)) return wanted.string();
-  throw core::FileError(fmt::format("{}: there is no file '{}', neither beside the study nor in the working directory",
-                                    where, file));
+  throw core::FileError(
+      fmt::format("{}: there is no file '{}', neither beside the study nor in the working directory", where, file));
 }
 
 std::vector<std::string> read_starts(TomlKeys& keys, const toml::table& root, const std::string& path) {

@@ -17,13 +17,13 @@ struct Row {
   Number step, tolerance, levels;
   Number error_rms, error_median, error_p99, error_wall_force, momentum_residual, energy_residual;
   Number contact_evaluations, ball_updates, wall_s;
-  Number ideal_gain, counted_gain, measured_gain;                // against the plain uniform scheme
-  Number gain_events_counted, gain_events_measured;              // against the uniform scheme with events
+  Number ideal_gain, counted_gain, measured_gain;    // against the plain uniform scheme
+  Number gain_events_counted, gain_events_measured;  // against the uniform scheme with events
   Number sweeps, missed_contacts, events_count, missing_balls, velocity_error_rms, rtol;
-  std::string variant, roots;                                    // SUNDIALS only
-  Number steps, restarts, branch_changes;                        // steps: coarsest ones, or SUNDIALS' own
+  std::string variant, roots;              // SUNDIALS only
+  Number steps, restarts, branch_changes;  // steps: coarsest ones, or SUNDIALS' own
   std::string scene, start, status;
-  std::string host, threads, revision;                           // where the jobs ran, and with which program
+  std::string host, threads, revision;  // where the jobs ran, and with which program
 };
 
 /// One row each, in this order; the columns' order is a contract.

@@ -25,7 +25,9 @@ struct Writer {
     if (*unit) group.write_attribute(name, "unit", std::string(unit));
   }
   void value(const char* name, const char*, std::uint64_t number) { group.write(name, std::vector{number}, {}); }
-  void value(const char* name, const char* unit, const std::optional<double>& number) { value(name, unit, number.value_or(kUnknown)); }
+  void value(const char* name, const char* unit, const std::optional<double>& number) {
+    value(name, unit, number.value_or(kUnknown));
+  }
   void value(const char* name, const char*, const std::string& text) { group.write_text(name, text); }
   void value(const char* name, const char* unit, const std::vector<double>& numbers) {
     group.write(name, numbers);

@@ -156,8 +156,8 @@ std::string reference_status(const Row& check, bool is_sundials, double smallest
   const char* const coarser = is_sundials ? "10 times its rtol" : "twice its step";
   if (!check.error_rms) return fmt::format("unchecked: the run at {} failed", coarser);
   if (*check.error_rms < kReferenceShare * smallest_error) return "ok";
-  return fmt::format("too coarse: {} changes it by {:.2g}, above a tenth of the smallest error {:.2g}", coarser, *check.error_rms,
-                     smallest_error);
+  return fmt::format("too coarse: {} changes it by {:.2g}, above a tenth of the smallest error {:.2g}", coarser,
+                     *check.error_rms, smallest_error);
 }
 
 }  // namespace

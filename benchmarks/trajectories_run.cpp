@@ -74,7 +74,8 @@ State content_of(const State& state) {
 }
 
 /// The setup of the scene's first phase at this stepping; the step is a whole fraction of `every` [s].
-core::StepperSetup setup_of(const core::Scene& scene, const State& state, const Stepping& stepping, double every, int threads) {
+core::StepperSetup setup_of(const core::Scene& scene, const State& state, const Stepping& stepping, double every,
+                            int threads) {
   core::Phase phase = scene.phases.front();
   phase.stepping = stepping;
   phase.every = every;
@@ -97,7 +98,8 @@ core::StepperSetup Runner::setup(const State& state, const Stepping& stepping) c
 
 void Runner::require_offered(const StartState& start, const Point& point) const {
   if (point.sundials) return;
-  GC_REQUIRE(start.state.count(core::Kind::content) > 0, "{}: the start state has no content balls; nothing would move", start.name);
+  GC_REQUIRE(start.state.count(core::Kind::content) > 0, "{}: the start state has no content balls; nothing would move",
+             start.name);
   const State content = content_of(start.state);
   const auto highest = std::max_element(content.position.begin(), content.position.end(),
                                         [](const core::Vec3& a, const core::Vec3& b) { return a.z() < b.z(); });
@@ -165,7 +167,8 @@ Outcome Runner::integrate(const StartState& start, const ReferenceSettings& sett
   return outcome;
 }
 
-DivergenceSeries run_divergence(const core::Scene& scene, const StartState& start, const Divergence& divergence, int threads) {
+DivergenceSeries run_divergence(const core::Scene& scene, const StartState& start, const Divergence& divergence,
+                                int threads) {
   Stepping stepping;
   stepping.method = core::Method::uniform;
   stepping.step = divergence.step;

@@ -25,11 +25,11 @@ StartState read_start(const std::string& path);
 
 /// How a point ended.
 struct Outcome {
-  std::string status = "ok";       // or "failed: " and why
+  std::string status = "ok";  // or "failed: " and why
   std::string method_used;
-  double step = 0.0;               // s, the coarsest; 0: SUNDIALS
+  double step = 0.0;  // s, the coarsest; 0: SUNDIALS
   std::uint64_t steps = 0, restarts = 0;
-  BranchChanges changes;           // SUNDIALS with roots only
+  BranchChanges changes;  // SUNDIALS with roots only
   core::Costs costs;
   std::optional<double> momentum_residual, energy_residual, ideal_gain;
   core::LevelStatistics levels;    // `listed` is filled for SUNDIALS too
@@ -80,7 +80,8 @@ struct DivergenceSeries {
 };
 
 /// Throws NumericsError where the stepping fails.
-DivergenceSeries run_divergence(const core::Scene& scene, const StartState& start, const Divergence& divergence, int threads);
+DivergenceSeries run_divergence(const core::Scene& scene, const StartState& start, const Divergence& divergence,
+                                int threads);
 void write_divergence(const std::filesystem::path& file, const DivergenceSeries& series, const JobOrigin& origin);
 DivergenceSeries read_divergence(const std::filesystem::path& file);
 

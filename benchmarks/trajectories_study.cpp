@@ -45,13 +45,17 @@ double expected_sweeps(const Point& point, double horizon) {
   if (point.sundials) return kSundials;
   const core::Stepping& s = point.stepping;
   const double steps = horizon / s.step.value_or(kDefaultStep);
-  return steps * (s.method == core::Method::multirate ? kSelective : 1.0) * (s.integrator == core::Integrator::pece ? 2.0 : 1.0);
+  return steps * (s.method == core::Method::multirate ? kSelective : 1.0) *
+         (s.integrator == core::Integrator::pece ? 2.0 : 1.0);
 }
 
 class TrajectoriesStudy : public StudyKind {
  public:
   TrajectoriesStudy(const std::string& path, int threads)
-      : study_(read_study(path)), scene_(core::read_scene(study_.scene)), threads_(threads), check_(coarser(study_.reference)) {
+      : study_(read_study(path)),
+        scene_(core::read_scene(study_.scene)),
+        threads_(threads),
+        check_(coarser(study_.reference)) {
     GC_REQUIRE(!scene_.phases.empty(), "{}: has no [[phase]]; a study runs the first one", study_.scene);
     for (const std::string& start : study_.starts) starts_.push_back(read_start(start));
     // Key combinations that a stepper does not offer show now, not after an hour.
@@ -86,8 +90,14 @@ class TrajectoriesStudy : public StudyKind {
 
   std::vector<Table> tables(const Files& files) const override {
     std::vector<Row> rows;
-    Table series{"divergence", {{"start", "", Texts()}, {"time", "s", Numbers()}, {"separation_rms", "m", Numbers()}, {"separation_max", "m", Numbers()}}};
-    Table horizons{"horizon", {{"start", "", Texts()}, {"rate", "s-1", Numbers()}, {"trusted_until", "s", Numbers()}, {"floor", "m", Numbers()}}};
+    Table series{"divergence",
+                 {{"start", "", Texts()},
+                  {"time", "s", Numbers()},
+                  {"separation_rms", "m", Numbers()},
+                  {"separation_max", "m", Numbers()}}};
+    Table horizons{
+        "horizon",
+        {{"start", "", Texts()}, {"rate", "s-1", Numbers()}, {"trusted_until", "s", Numbers()}, {"floor", "m", Numbers()}}};
     for (std::size_t s = 0; s < starts_.size(); ++s) {
       const std::vector<Row> its_rows = rows_of(runs_of(s, files), scene_.domain.outlet_z);
       for (Row row : its_rows) {
@@ -117,19 +127,29 @@ class TrajectoriesStudy : public StudyKind {
                          : fmt::format("{}: {} {}", start[row], name[row], status[row]));
     }
     for (const StartState& one : starts_) {
+      // The different texts of a column, over the points of this start.
       const auto seen = [&](const char* column) {
         std::set<std::string> values;
         for (std::size_t row = 0; row < name.size(); ++row) {
-          if (start[row] == one.name && !name[row].starts_with(study_.reference.name)) values.insert(texts(study, column)[row]);
+          if (start[row] == one.name && !name[row].starts_with(study_.reference.name)) {
+            values.insert(texts(study, column)[row]);
+          }
         }
         return fmt::format("{}", fmt::join(values, "; "));
       };
+      const auto differ = [](const std::string& values) { return values.find(';') != std::string::npos; };
       const std::string hosts = seen("host"), threads = seen("threads"), revisions = seen("revision");
-      if (hosts.find(';') != std::string::npos || threads.find(';') != std::string::npos) {
-        said.push_back(fmt::format("{}: its jobs ran on different machines or numbers of threads (hosts {}; threads {}): gains by wall clock are left out", one.name, hosts, threads));
+      if (differ(hosts) || differ(threads)) {
+        said.push_back(
+            fmt::format("{}: its jobs ran on different machines or numbers of threads (hosts {}; threads {}): "
+                        "gains by wall clock are left out",
+                        one.name, hosts, threads));
       }
-      if (revisions.find(';') != std::string::npos) {
-        said.push_back(fmt::format("{}: its jobs are of different revisions of the program ({}); remove the jobs to run all of them anew", one.name, revisions));
+      if (differ(revisions)) {
+        said.push_back(
+            fmt::format("{}: its jobs are of different revisions of the program ({}); remove the jobs to run "
+                        "all of them anew",
+                        one.name, revisions));
       }
     }
     return said;
@@ -146,7 +166,8 @@ class TrajectoriesStudy : public StudyKind {
     return task.role == Role::check ? check_ : study_.points.at(task.point);
   }
 
-  /// References first, then one repetition of everything after the other: what slows the machine for a while slows all alike.
+  /// References first, then one repetition of everything after the other: what slows the machine for a while slows all
+  /// alike.
   void add_tasks() {
     const std::string common = fmt::format("format {}\nversion {}\n{}", kFormat, silo::version(), scene_text(scene_));
     const auto start_text = [&](std::size_t s) {
@@ -157,7 +178,8 @@ class TrajectoriesStudy : public StudyKind {
       const Point& point = point_of(task);
       const std::string depends_on =
           fmt::format("{}horizon {}\n{}\nrepetition {}\n", start_text(s), study_.horizon, keys_text(point), repetition);
-      task.job.id = job_id(fmt::format("{} {} {} r{}", starts_[s].name, made_name(point), knob_text(point), repetition), depends_on);
+      task.job.id =
+          job_id(fmt::format("{} {} {} r{}", starts_[s].name, made_name(point), knob_text(point), repetition), depends_on);
       task.job.label = fmt::format("{}: {} {}{}", starts_[s].name, point.name, knob_text(point), label);
       task.job.work = expected_sweeps(point, study_.horizon);
       tasks_.push_back(std::move(task));
@@ -173,7 +195,8 @@ class TrajectoriesStudy : public StudyKind {
       for (std::size_t s = 0; s < starts_.size(); ++s) {
         for (std::size_t p = 0; p < study_.points.size(); ++p) {
           const int repeat = study_.points[p].repeat;
-          if (repetition <= repeat) add_run(Role::point, s, p, repetition, fmt::format(", run {} of {}", repetition, repeat));
+          if (repetition <= repeat)
+            add_run(Role::point, s, p, repetition, fmt::format(", run {} of {}", repetition, repeat));
         }
       }
     }
@@ -183,7 +206,8 @@ class TrajectoriesStudy : public StudyKind {
     const Divergence& d = *study_.divergence;
     Task task{{}, Role::divergence, s};
     task.job.id = job_id(fmt::format("{} divergence {:g} step {:g}", starts_[s].name, d.perturbation, d.step),
-                         fmt::format("{}divergence {} step {} horizon {} samples {}\n", start_text, d.perturbation, d.step, d.horizon, d.samples));
+                         fmt::format("{}divergence {} step {} horizon {} samples {}\n", start_text, d.perturbation, d.step,
+                                     d.horizon, d.samples));
     task.job.label = fmt::format("{}: divergence from a perturbation of {:g} m", starts_[s].name, d.perturbation);
     task.job.work = 2.0 * d.horizon / d.step;
     tasks_.push_back(std::move(task));
@@ -195,14 +219,17 @@ class TrajectoriesStudy : public StudyKind {
     for (const Point& point : study_.points) runs.points.push_back({point, {}});
     for (const Task& task : tasks_) {
       if (task.start != s || task.role == Role::divergence) continue;
-      PointRuns& its = task.role == Role::reference ? runs.reference : task.role == Role::check ? runs.check : runs.points[task.point];
+      PointRuns& its = task.role == Role::reference ? runs.reference
+                       : task.role == Role::check   ? runs.check
+                                                    : runs.points[task.point];
       its.outcomes.push_back(read_outcome(files.at(task.job.id)));
     }
     return runs;
   }
 
   void add_divergence(std::size_t s, const Files& files, const std::vector<Row>& rows, Table& table, Table& horizons) const {
-    const auto task = std::find_if(tasks_.begin(), tasks_.end(), [=](const Task& one) { return one.role == Role::divergence && one.start == s; });
+    const auto task = std::find_if(tasks_.begin(), tasks_.end(),
+                                   [=](const Task& one) { return one.role == Role::divergence && one.start == s; });
     const DivergenceSeries series = read_divergence(files.at(task->job.id));
     for (std::size_t k = 0; k < series.time.size(); ++k) {
       add_cells(table, {starts_[s].name, series.time[k], series.rms[k], series.max[k]});
@@ -210,25 +237,32 @@ class TrajectoriesStudy : public StudyKind {
     const Growth growth = fitted_growth(series.time, series.rms, kSmallSeparation * series.mean_diameter);
     double change = 0.0, smallest = std::numeric_limits<double>::infinity();
     for (const Row& row : rows) {
-      if (row.name == check_.name) change = row.error_rms.value_or(0.0);
-      else if (row.name != study_.reference.name && row.status == "ok") smallest = std::min(smallest, row.error_rms.value_or(smallest));
+      if (row.name == check_.name)
+        change = row.error_rms.value_or(0.0);
+      else if (row.name != study_.reference.name && row.status == "ok")
+        smallest = std::min(smallest, row.error_rms.value_or(smallest));
     }
     constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
     const double rate = growth.rate.value_or(kUnknown);
-    add_cells(horizons, {starts_[s].name, rate, trusted_until(rate, study_.horizon, change, smallest).value_or(kUnknown), growth.floor});
+    add_cells(horizons, {starts_[s].name, rate, trusted_until(rate, study_.horizon, change, smallest).value_or(kUnknown),
+                         growth.floor});
   }
 
   using Cell = std::variant<std::string, double>;
   static void add_cells(Table& table, const std::vector<Cell>& cells) {
     for (std::size_t c = 0; c < cells.size(); ++c) {
       auto& values = table.columns[c].values;
-      if (const auto* text = std::get_if<std::string>(&cells[c])) std::get<Texts>(values).push_back(*text);
-      else std::get<Numbers>(values).push_back(std::get<double>(cells[c]));
+      if (const auto* text = std::get_if<std::string>(&cells[c]))
+        std::get<Texts>(values).push_back(*text);
+      else
+        std::get<Numbers>(values).push_back(std::get<double>(cells[c]));
     }
   }
 
   static const Texts& texts(const Table& table, std::string_view column) {
-    return std::get<Texts>(std::find_if(table.columns.begin(), table.columns.end(), [=](const TableColumn& one) { return one.name == column; })->values);
+    return std::get<Texts>(std::find_if(table.columns.begin(), table.columns.end(), [=](const TableColumn& one) {
+                             return one.name == column;
+                           })->values);
   }
 
   Study study_;

@@ -100,7 +100,8 @@ TEST(Growth, WithoutTheCeilingSaturationWouldSpoilTheRate) {
 
 TEST(Growth, IgnoresADipAndNoiseOfTheFloor) {
   Curve curve(40.0, 0.3, 1e9, 0.8);
-  for (std::size_t k = 0; k < 30; ++k) curve.separation[k] *= k % 2 ? 1.0 : 0.5;  // lowest 0.5e-12, noise below three times that
+  for (std::size_t k = 0; k < 30; ++k)
+    curve.separation[k] *= k % 2 ? 1.0 : 0.5;  // lowest 0.5e-12, noise below three times that
   const Growth growth = fitted_growth(curve.time, curve.separation, 1.0);
   EXPECT_EQ(growth.floor, 0.5e-12);
   EXPECT_NEAR(*growth.rate / 40.0, 1.0, 1e3 * kRounding);  // as above

@@ -93,7 +93,8 @@ TEST_F(Children, AreStoppedWithTheirParentsSignal) {
   const fs::path note = scratch_.path() / "process";
   {
     JobProcesses children(1);
-    start(children, "one", "echo $$ > " + note.string() + ".part; mv " + note.string() + ".part " + note.string() + "; exec sleep 60");
+    start(children, "one",
+          "echo $$ > " + note.string() + ".part; mv " + note.string() + ".part " + note.string() + "; exec sleep 60");
     while (!fs::exists(note)) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     ::kill(::getpid(), SIGTERM);  // blocked here, taken by next()
     EXPECT_THROW(children.next(), core::Stopped);

@@ -15,7 +15,8 @@ using namespace std::chrono_literals;
 /// A job that takes minutes, for tests that end it.
 const std::string kEndless = "[[method]]\nmethod = \"uniform\"\nstep = 1e-10\n";
 const std::string kEndlessPart = "1e-10";  // of its id
-const std::string kMethods = "[[method]]\nmethod = \"uniform\"\nevents = false\nstep = [4e-5, 2e-5]\n[[method]]\nname = \"ours\"\ntolerance = 1e-4\n";
+const std::string kMethods =
+    "[[method]]\nmethod = \"uniform\"\nevents = false\nstep = [4e-5, 2e-5]\n[[method]]\nname = \"ours\"\ntolerance = 1e-4\n";
 
 class StudyResume : public StudyFiles {
  protected:
@@ -30,7 +31,8 @@ class StudyResume : public StudyFiles {
     return files;
   }
   /// How many of the files are not as they were before.
-  static std::size_t renewed(const std::map<std::string, fs::file_time_type>& before, const std::map<std::string, fs::file_time_type>& now) {
+  static std::size_t renewed(const std::map<std::string, fs::file_time_type>& before,
+                             const std::map<std::string, fs::file_time_type>& now) {
     return static_cast<std::size_t>(std::count_if(now.begin(), now.end(), [&](const auto& file) {
       const auto old = before.find(file.first);
       return old == before.end() || old->second != file.second;
@@ -122,7 +124,9 @@ TEST_F(StudyResume, MoreRepetitionsAddJobs) {
 }
 
 TEST_F(StudyResume, MethodsThatSayTheSameShareAJob) {
-  const auto rows = run(kHead + "[[method]]\nname = \"a\"\nmethod = \"uniform\"\nstep = 1e-5\n[[method]]\nname = \"b\"\nmethod = \"uniform\"\nstep = 1e-5\n");
+  const auto rows = run(kHead +
+                        "[[method]]\nname = \"a\"\nmethod = \"uniform\"\nstep = 1e-5\n[[method]]\nname = \"b\"\nmethod = "
+                        "\"uniform\"\nstep = 1e-5\n");
   EXPECT_EQ(done().size(), 3u);
   ASSERT_EQ(rows.size(), 4u);
   EXPECT_EQ(rows[0].at("error_rms"), rows[1].at("error_rms"));
@@ -148,11 +152,14 @@ TEST_F(StudyResume, AfterAKillTheStudyGoesOnToTheSameTables) {
 
 TEST_F(StudyResume, AKilledStudyTakesItsJobWithIt) {
   write(kHead + kMethods + kEndless);
-  Program study(dir_, words());
-  const pid_t child = running_child(study, 5, kEndlessPart);
-  study.send(SIGKILL);
-  (void)study.wait();
-  EXPECT_TRUE(ends(child));
+  for (const auto later : {0ms, 300ms}) {  // while the job begins, and well within it
+    Program study(dir_, words());
+    const pid_t child = running_child(study, 5, kEndlessPart);
+    std::this_thread::sleep_for(later);
+    study.send(SIGKILL);
+    (void)study.wait();
+    EXPECT_TRUE(ends(child));
+  }
 }
 
 TEST_F(StudyResume, ASignalStopsTheJobAndTheStudyGoesOnLater) {
@@ -310,13 +317,14 @@ TEST_F(StudyResume, JobsFromElsewhereLeaveMeasuredGainsOut) {
 class SlowStudy : public StudyFiles {};
 
 TEST_F(SlowStudy, SnakemakeGivesTheSameTables) {
-  if (std::system("command -v snakemake >/dev/null 2>&1") != 0) GTEST_SKIP() << "snakemake is not installed: apt-get install snakemake";
+  if (std::system("command -v snakemake >/dev/null 2>&1") != 0)
+    GTEST_SKIP() << "snakemake is not installed: apt-get install snakemake";
   const auto whole = without_clock(run(kHead + kMethods));
   fs::remove_all(out_);
   const fs::path log = dir_ / "snakemake.log";
-  const std::string call = fmt::format(
-      "cd {} && snakemake -s {}/benchmarks/Snakefile --cores 2 --config study={} out={} program={} >{} 2>&1", dir_.string(),
-      GRAINCLOCK_SOURCE, study_, out_.string(), GRAINCLOCK_PROGRAM, log.string());
+  const std::string call =
+      fmt::format("cd {} && snakemake -s {}/benchmarks/Snakefile --cores 2 --config study={} out={} program={} >{} 2>&1",
+                  dir_.string(), GRAINCLOCK_SOURCE, study_, out_.string(), GRAINCLOCK_PROGRAM, log.string());
   ASSERT_EQ(std::system(call.c_str()), 0) << tests::text_of(log);
   EXPECT_EQ(without_clock(csv_rows(out_ / "study.csv")), whole);
   // And the program goes on where Snakemake ended.

@@ -56,10 +56,10 @@ TEST_F(StudyPlan, SundialsVariantsAreSchemes) {
   const struct {
     const char *method, *variant;
     Scheme scheme;
-  } cases[] = {{"cvode", "", Scheme::cvode_adams},          {"cvode", "adams", Scheme::cvode_adams},
-               {"cvode", "bdf", Scheme::cvode_bdf},         {"arkode", "", Scheme::erkstep},
-               {"arkode", "erk", Scheme::erkstep},          {"arkode", "implicit", Scheme::arkstep_implicit},
-               {"arkode", "imex", Scheme::arkstep_imex},    {"arkode", "mri", Scheme::mristep}};
+  } cases[] = {{"cvode", "", Scheme::cvode_adams},       {"cvode", "adams", Scheme::cvode_adams},
+               {"cvode", "bdf", Scheme::cvode_bdf},      {"arkode", "", Scheme::erkstep},
+               {"arkode", "erk", Scheme::erkstep},       {"arkode", "implicit", Scheme::arkstep_implicit},
+               {"arkode", "imex", Scheme::arkstep_imex}, {"arkode", "mri", Scheme::mristep}};
   for (const auto& one : cases) {
     std::string text = kHead + fmt::format("[[method]]\nmethod = \"{}\"\nrtol = 1e-6\nroots = true\n", one.method);
     if (*one.variant) text += fmt::format("variant = \"{}\"\n", one.variant);
@@ -103,7 +103,9 @@ TEST_F(StudyPlan, DivergenceHasItsOwnHorizon) {
 }
 
 TEST_F(StudyPlan, KeysTextTellsWhatChangesResultsAndNothingElse) {
-  const auto text_of = [this](const std::string& method) { return keys_text(read(kHead + "[[method]]\n" + method).points.at(0)); };
+  const auto text_of = [this](const std::string& method) {
+    return keys_text(read(kHead + "[[method]]\n" + method).points.at(0));
+  };
   const std::string plain = text_of("tolerance = 1e-4\n");
   EXPECT_EQ(text_of("name = \"ours\"\nrepeat = 5\n"), plain);  // 1e-4 is the default
   EXPECT_NE(text_of("tolerance = 2e-4\n"), plain);
@@ -209,7 +211,8 @@ tolerance = 1e-4
   const auto file = core::Hdf5File::open(dir_ / "out" / "study.h5");
   EXPECT_EQ(file.group("study").read<double>("error_rms").size(), 6u);
   EXPECT_EQ(file.group("study").read<double>("error_rms")[2], number(2, "error_rms"));
-  EXPECT_EQ(std::distance(fs::directory_iterator(dir_ / "out"), fs::directory_iterator()), 4);  // and study.csv, study.toml, jobs
+  EXPECT_EQ(std::distance(fs::directory_iterator(dir_ / "out"), fs::directory_iterator()),
+            4);  // and study.csv, study.toml, jobs
 }
 
 TEST_F(StudyRun, SundialsConvergesToTheSameTrajectory) {
@@ -253,14 +256,29 @@ TEST_F(StudyRun, WrongInputLeavesNoOutputBehind) {
 }
 
 TEST_F(StudyRun, KeysThatNoStepperOffersTogetherShowBeforeAnythingRuns) {
-  EXPECT_THROW(run(kHead + "[[method]]\nmethod = \"uniform\"\nstep = 1e-5\n[[method]]\nintegrator = \"lagged\"\n"), core::InputError);
+  EXPECT_THROW(run(kHead + "[[method]]\nmethod = \"uniform\"\nstep = 1e-5\n[[method]]\nintegrator = \"lagged\"\n"),
+               core::InputError);
   EXPECT_FALSE(fs::exists(out_));
 }
 
 TEST_F(StudyRun, AnUnknownKindIsAnError) {
-  const std::string said = tests::message_of<core::InputError>([this] { run("kind = \"horoscope\"\n" + kHead + "[[method]]\n"); });
+  const std::string said =
+      tests::message_of<core::InputError>([this] { run("kind = \"horoscope\"\n" + kHead + "[[method]]\n"); });
   EXPECT_NE(said.find("my.toml:1: "), std::string::npos) << said;
   EXPECT_NE(said.find("trajectories"), std::string::npos) << said;
+}
+
+TEST_F(StudyRun, EveryKindHasItsReader) {
+  const struct {
+    const char *kind, *says;
+  } cases[] = {{"trajectories", "scene is missing"},
+               {"statistics", "scene is missing: give the scene whose first phase is run"},
+               {"stability", "systems is missing"}};
+  for (const auto& one : cases) {
+    const std::string path = write(fmt::format("kind = \"{}\"\n", one.kind));
+    const std::string said = tests::message_of<core::InputError>([&] { (void)make_study(path, 1); });
+    EXPECT_NE(said.find(one.says), std::string::npos) << said;
+  }
 }
 
 TEST_F(StudyRun, SundialsMayBeTheReference) {
@@ -280,14 +298,16 @@ TEST_F(StudyRun, SundialsMayBeTheReference) {
 }
 
 TEST_F(StudyRun, DivergenceIsMeasuredFromEveryStart) {
-  const auto rows = run(kHead + "[[method]]\nmethod = \"uniform\"\nstep = 1e-5\n[divergence]\nstep = 1e-5\nhorizon = 0.04\nsamples = 8\n");
+  const auto rows =
+      run(kHead + "[[method]]\nmethod = \"uniform\"\nstep = 1e-5\n[divergence]\nstep = 1e-5\nhorizon = 0.04\nsamples = 8\n");
   ASSERT_EQ(rows.size(), 3u);
   const auto series = csv_rows(out_ / "divergence.csv");
   ASSERT_EQ(series.size(), 9u);
   EXPECT_EQ(series[0].at("start"), "start");
   EXPECT_EQ(series[0].at("time"), "0");
   EXPECT_DOUBLE_EQ(std::stod(series[8].at("time")), 0.04);
-  // Each axis is uniform in +-1e-12: the rms of eight balls scatters by about a fifth around it, the largest is below sqrt(3) of it.
+  // Each axis is uniform in +-1e-12: the rms of eight balls scatters by about a fifth around it, the largest is below
+  // sqrt(3) of it.
   EXPECT_NEAR(std::stod(series[0].at("separation_rms")), 1e-12, 0.6e-12);
   EXPECT_LT(std::stod(series[0].at("separation_max")), 1.74e-12);
   // Eight balls dropped once do not part by orders of magnitude.

@@ -33,7 +33,8 @@ struct Result {
 /// A running program; its output goes to files.
 class Program {
  public:
-  Program(const std::filesystem::path& dir, const Words& words) : out_(dir / "stdout"), err_(dir / "stderr"), process_(::fork()) {
+  Program(const std::filesystem::path& dir, const Words& words)
+      : out_(dir / "stdout"), err_(dir / "stderr"), process_(::fork()) {
     if (process_ != 0) return;
     ::dup2(::open(out_.c_str(), O_CREAT | O_TRUNC | O_WRONLY, 0644), STDOUT_FILENO);
     ::dup2(::open(err_.c_str(), O_CREAT | O_TRUNC | O_WRONLY, 0644), STDERR_FILENO);
@@ -114,13 +115,15 @@ class StudyFiles : public testing::Test {
     for (const double x : {0.0, 0.41}) {
       for (const double y : {0.0, 0.42}) {
         for (const double z : {0.45, 0.88}) {  // neighbours overlap, the floor does not yet
-          state.add(ball, core::Kind::content, core::Vec3(x, y, z + 0.003 * static_cast<double>(ball)), core::Vec3(0.1 * x, 0.2, -0.5), 0.22);
+          state.add(ball, core::Kind::content, core::Vec3(x, y, z + 0.003 * static_cast<double>(ball)),
+                    core::Vec3(0.1 * x, 0.2, -0.5), 0.22);
           ++ball;
         }
       }
     }
     for (const double x : {-0.4, 0.0, 0.4, 0.8}) {
-      for (const double y : {-0.4, 0.0, 0.4, 0.8}) state.add(ball++, core::Kind::wall, core::Vec3(x, y, 0.05 * x), core::Vec3::Zero(), 0.22);
+      for (const double y : {-0.4, 0.0, 0.4, 0.8})
+        state.add(ball++, core::Kind::wall, core::Vec3(x, y, 0.05 * x), core::Vec3::Zero(), 0.22);
     }
     core::write_state((dir_ / "start.csv").string(), state);
     core::write_text(dir_ / "scene.toml", R"([initial]
@@ -138,7 +141,10 @@ outlet = "open"
     return study_;
   }
   /// A call from this process; the jobs are the program's.
-  StudyCall call() const { return {.study = study_, .out = out_.string(), .threads = 1, .processes = 1, .charts = false, .program = GRAINCLOCK_PROGRAM}; }
+  StudyCall call() const {
+    return {
+        .study = study_, .out = out_.string(), .threads = 1, .processes = 1, .charts = false, .program = GRAINCLOCK_PROGRAM};
+  }
   /// Runs the study; its rows as column -> text.
   CsvRows run(const std::string& text) const {
     write(text);

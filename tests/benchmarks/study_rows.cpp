@@ -59,7 +59,7 @@ TEST_F(StudyRows, ClocksAreMediansAndGainsRatios) {
   const auto all = rows();
   ASSERT_EQ(all.size(), 4u);
   EXPECT_EQ(*all[1].wall_s, 3.0);
-  EXPECT_NEAR(*all[0].error_rms, 1e-2, 1e-14);  // rounding of a position of 1 m
+  EXPECT_NEAR(*all[0].error_rms, 1e-2, 1e-14);            // rounding of a position of 1 m
   EXPECT_NEAR(*all[1].measured_gain, 10.0 / 3.0, 1e-12);  // rounding through log and pow
   EXPECT_NEAR(*all[1].counted_gain, 1.0, 1e-12);          // the same
   EXPECT_EQ(all[2].status, "ok");

@@ -12,8 +12,9 @@ namespace {
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 Table example() {
-  return {"example", {{"name", "", std::vector<std::string>{"a, \"b\"", "plain", "two\nlines"}},
-                      {"step", "s", std::vector<double>{0.1, kUnknown, 123456789012.0}}}};
+  return {"example",
+          {{"name", "", std::vector<std::string>{"a, \"b\"", "plain", "two\nlines"}},
+           {"step", "s", std::vector<double>{0.1, kUnknown, 123456789012.0}}}};
 }
 
 TEST(Table, UnknownNumbersAreEmptyAndTextsQuotedWhereNeeded) {
