@@ -314,6 +314,15 @@ TEST_F(StudyResume, JobsFromElsewhereLeaveMeasuredGainsOut) {
   EXPECT_EQ(rows[0].at("counted_gain"), before[0].at("counted_gain"));
 }
 
+TEST_F(StudyResume, ChartsThatCannotBeDrawnCostNothingElse) {
+  write(kHead + kMethods);
+  ASSERT_EQ(grainclock().code, 0);
+  const Result drawn = Program(dir_, {GRAINCLOCK_PROGRAM, "study", study_, "--out", out_.string(), "--collect"}).wait();
+  EXPECT_EQ(drawn.code, 0) << drawn.err;  // with or without Python's packages and the script
+  EXPECT_NE(drawn.out.find("charts: "), std::string::npos) << drawn.out;
+  EXPECT_EQ(grainclock({"--collect"}).out.find("charts: "), std::string::npos);
+}
+
 class SlowStudy : public StudyFiles {};
 
 TEST_F(SlowStudy, SnakemakeGivesTheSameTables) {
