@@ -24,7 +24,8 @@ struct Path {
   double turn;            // m/s, by how much the mean rate differs from the mean of the rates at the ends
 
   /// Rounding of overlaps must not look like a turn, which it would in very short steps.
-  Path(const Approach& start, const Approach& end, double step, const Rounding& rounding) : d0(start.overlap), p1(step * start.rate), h(step) {
+  Path(const Approach& start, const Approach& end, double step, const Rounding& rounding)
+      : d0(start.overlap), p1(step * start.rate), h(step) {
     const double mean = 0.5 * (start.rate + end.rate), raw = (end.overlap - start.overlap) / step - mean;
     turn = std::copysign(std::max(0.0, std::abs(raw) - 2.0 * rounding.overlap / step - rounding.rate), raw);
     const double rise = step * (mean + turn), r1 = step * end.rate;
@@ -64,9 +65,12 @@ Branch branch_of(const ContactLaw& law, const Approach& at) {
 
 double branch_force(const ContactLaw& law, Branch branch, const Approach& at) {
   switch (branch) {
-    case Branch::pressed: return law.k * at.overlap + law.c * at.rate;
-    case Branch::parting: return law.k * at.overlap;
-    default: return 0.0;
+    case Branch::pressed:
+      return law.k * at.overlap + law.c * at.rate;
+    case Branch::parting:
+      return law.k * at.overlap;
+    default:
+      return 0.0;
   }
 }
 
@@ -88,7 +92,8 @@ Exits exits_of(const ContactLaw& law, Branch branch) {
       return {{touched, {0.0, 1.0, 0.0, Branch::parting, ChangeKind::parting}}, 2};
     case Branch::parting:
       return {{{0.0, -1.0, 0.0, Branch::nearing, ChangeKind::nearing},
-               {1.0, 0.0, law.reach, Branch::apart, ChangeKind::out_of_reach}}, 2};
+               {1.0, 0.0, law.reach, Branch::apart, ChangeKind::out_of_reach}},
+              2};
     case Branch::pressed:
       if (!may_be_clamped(law)) return {{lost, {}}, 1};
       return {{{1.0, slope, 0.0, Branch::clamped, ChangeKind::clamped}, {}}, 1};

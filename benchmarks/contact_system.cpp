@@ -37,7 +37,8 @@ ContactSystem::ContactSystem(const core::State& start, const core::Materials& ma
   }
   motion_ = {origin_, start_velocity_};
   length_ = kQuotientStep * 2.0 * radii / static_cast<double>(rows_.size());
-  speed_ = length_ * std::sqrt(std::max(materials.ball.k, materials.wall.k) / materials.mass(radii / static_cast<double>(rows_.size())));
+  speed_ = length_ * std::sqrt(std::max(materials.ball.k, materials.wall.k) /
+                               materials.mass(radii / static_cast<double>(rows_.size())));
 }
 
 void ContactSystem::watch(const core::State& start, const core::Materials& materials, bool outlet_open, double ahead,
@@ -78,8 +79,10 @@ int ContactSystem::slope(Part part, bool moves, N_Vector y, N_Vector out) {
   double* slopes = N_VGetArrayPointer(out);
   try {
     motion_at(y);
-    if (moves) std::copy_n(motion_.v.begin(), n, slopes);
-    else std::fill_n(slopes, n, 0.0);
+    if (moves)
+      std::copy_n(motion_.v.begin(), n, slopes);
+    else
+      std::fill_n(slopes, n, 0.0);
     field_.acceleration({motion_.x.data(), n}, {motion_.v.data(), n}, {slopes + n, n}, part);
     if (watched_) watched_->keep_branches(motion_, part, {slopes + n, n});
   } catch (const core::NumericsError&) {

@@ -17,7 +17,8 @@ class ContactSystem {
   ContactSystem(const core::State& start, const core::Materials& materials, const core::Vec3& gravity, bool outlet_open,
                 int threads);
   /// From now on pairs keep their branches; `ahead` and `tolerance`: see WatchedPairs.
-  void watch(const core::State& start, const core::Materials& materials, bool outlet_open, double ahead, const Rounding& tolerance);
+  void watch(const core::State& start, const core::Materials& materials, bool outlet_open, double ahead,
+             const Rounding& tolerance);
 
   std::size_t unknowns() const { return 2 * origin_.size(); }
   /// The start's unknowns; and a state's content from unknowns.
@@ -28,7 +29,8 @@ class ContactSystem {
   /// du/dt = v.
   int slope(core::Part part, bool moves, N_Vector y, N_Vector out);
   /// The part's Jacobian times `direction` by a difference quotient from slope(y), `at_y`; `scratch` is overwritten.
-  int jacobian_times(core::Part part, bool moves, N_Vector direction, N_Vector out, N_Vector y, N_Vector at_y, N_Vector scratch);
+  int jacobian_times(core::Part part, bool moves, N_Vector direction, N_Vector out, N_Vector y, N_Vector at_y,
+                     N_Vector scratch);
 
   /// Where the balls are.
   const Motion& motion_at(N_Vector y);
@@ -40,11 +42,11 @@ class ContactSystem {
  private:
   core::ForceField field_;
   std::optional<WatchedPairs> watched_;
-  std::vector<std::size_t> rows_;  // of the content in the state
-  std::vector<double> origin_;     // m, x0
+  std::vector<std::size_t> rows_;       // of the content in the state
+  std::vector<double> origin_;          // m, x0
   std::vector<double> start_velocity_;  // m/s
-  Motion motion_;                  // scratch; the fixed balls in it stay
-  double length_, speed_;          // m, m/s: steps of difference quotients
+  Motion motion_;                       // scratch; the fixed balls in it stay
+  double length_, speed_;               // m, m/s: steps of difference quotients
   std::exception_ptr failure_;
 };
 

@@ -17,14 +17,30 @@ constexpr int kMostSections = 100;
 
 void count(BranchChanges& changes, ChangeKind kind) {
   switch (kind) {
-    case ChangeKind::touched: ++changes.touched; break;
-    case ChangeKind::lost: ++changes.lost; break;
-    case ChangeKind::clamped: ++changes.clamped; break;
-    case ChangeKind::unclamped: ++changes.unclamped; break;
-    case ChangeKind::out_of_reach: ++changes.out_of_reach; break;
-    case ChangeKind::into_reach: ++changes.into_reach; break;
-    case ChangeKind::parting: ++changes.parting; break;
-    case ChangeKind::nearing: ++changes.nearing; break;
+    case ChangeKind::touched:
+      ++changes.touched;
+      break;
+    case ChangeKind::lost:
+      ++changes.lost;
+      break;
+    case ChangeKind::clamped:
+      ++changes.clamped;
+      break;
+    case ChangeKind::unclamped:
+      ++changes.unclamped;
+      break;
+    case ChangeKind::out_of_reach:
+      ++changes.out_of_reach;
+      break;
+    case ChangeKind::into_reach:
+      ++changes.into_reach;
+      break;
+    case ChangeKind::parting:
+      ++changes.parting;
+      break;
+    case ChangeKind::nearing:
+      ++changes.nearing;
+      break;
   }
 }
 
@@ -105,8 +121,8 @@ class ExitPath {
     return false;
   }
 
-  /// Moves what is kept from a time beyond the exit to the time at which the exit is passed after `begin` [s]: false position,
-  /// the end that stays having its value halved.
+  /// Moves what is kept from a time beyond the exit to the time at which the exit is passed after `begin` [s]: false
+  /// position, the end that stays having its value halved.
   void keep_root(double begin) const {
     // Beyond the exit by no more than rounding; where the pair begins on its limit, by that much more. On the other side
     // the new branch would end at once.
@@ -216,10 +232,12 @@ class EventLoop {
       pair.changes = 0;
     }
     if (++pair.changes > kMostChanges) {
-      throw core::NumericsError(fmt::format(
-          "reference: balls {} and {} change their branch more than {} times within {} s, at {} s: the law switches its force "
-          "on and off there without end (as cohesion does that carries a load); integrate without roots, or without cohesion",
-          watched.id_of(pair.i), watched.id_of(pair.j), kMostChanges, window_, change.time));
+      throw core::NumericsError(
+          fmt::format("reference: balls {} and {} change their branch more than {} times within {} s, at {} s: the law "
+                      "switches its force "
+                      "on and off there without end (as cohesion does that carries a load); use a smaller rtol, no roots, "
+                      "or no cohesion",
+                      watched.id_of(pair.i), watched.id_of(pair.j), kMostChanges, window_, change.time));
     }
     count(result_.changes, change.exit.kind);
     result_.log.push_back({change.time, watched.id_of(pair.i), watched.id_of(pair.j), change.exit.kind});
@@ -234,7 +252,7 @@ class EventLoop {
   ContactSystem& system_;
   N_Vector y_;
   WithinStep within_;
-  double window_;   // s
+  double window_;  // s
   LoopResult result_;
 };
 

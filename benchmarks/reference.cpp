@@ -82,8 +82,8 @@ ReferenceRun integrate(const ReferenceSettings& settings, const core::State& sta
   const Vector y = make_vector(system.unknowns(), context), tolerances = make_vector(system.unknowns(), context);
   system.write_start(y.get());
   fill(tolerances.get(), tolerance);
-  const auto solver = make_solver(settings.scheme, {context.get(), system, y.get(), tolerances.get(), settings.rtol, longest,
-                                                    settings.slow_step});
+  const auto solver = make_solver(
+      settings.scheme, {context.get(), system, y.get(), tolerances.get(), settings.rtol, longest, settings.slow_step});
 
   ReferenceRun run;
   const auto begin = std::chrono::steady_clock::now();

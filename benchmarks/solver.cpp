@@ -20,7 +20,7 @@ constexpr int kMostErrorTestFailures = 30;  // without roots a step that meets a
 constexpr int kFixedPointVectors = 0;       // plain iteration: the problem is only mildly stiff
 constexpr int kKrylovVectors = 30;          // printed dampers: h c / m far above 1
 constexpr int kExplicitOrder = 5, kImplicitOrder = 5, kMixedOrder = 5, kFastOrder = 5, kSlowOrder = 3;
-constexpr int kInterpolantDegree = 3;       // used at ends of steps only, where any degree is exact
+constexpr int kInterpolantDegree = 3;  // used at ends of steps only, where any degree is exact
 
 template <Part part, bool moves>
 int slope(realtype, N_Vector y, N_Vector out, void* system) {
@@ -47,19 +47,55 @@ struct Calls {
   int (*set_most_failures)(void*, int);
   void (*free)(void**);
 };
-constexpr Calls kCvode{"CVODE", CV_ONE_STEP, CVode, CVodeReInit, CVodeSetStopTime, CVodeSVtolerances,
-                       CVodeSetUserData, CVodeSetMaxNumSteps, CVodeSetErrHandlerFn, CVodeSetMaxStep, CVodeSetMaxErrTestFails,
+constexpr Calls kCvode{"CVODE",
+                       CV_ONE_STEP,
+                       CVode,
+                       CVodeReInit,
+                       CVodeSetStopTime,
+                       CVodeSVtolerances,
+                       CVodeSetUserData,
+                       CVodeSetMaxNumSteps,
+                       CVodeSetErrHandlerFn,
+                       CVodeSetMaxStep,
+                       CVodeSetMaxErrTestFails,
                        CVodeFree};
-constexpr Calls kErkStep{"ERKStep", ARK_ONE_STEP, ERKStepEvolve, ERKStepReset, ERKStepSetStopTime,
-                         ERKStepSVtolerances, ERKStepSetUserData, ERKStepSetMaxNumSteps, ERKStepSetErrHandlerFn,
-                         ERKStepSetMaxStep, ERKStepSetMaxErrTestFails, ERKStepFree};
-constexpr Calls kArkStep{"ARKStep", ARK_ONE_STEP, ARKStepEvolve, ARKStepReset, ARKStepSetStopTime,
-                         ARKStepSVtolerances, ARKStepSetUserData, ARKStepSetMaxNumSteps, ARKStepSetErrHandlerFn,
-                         ARKStepSetMaxStep, ARKStepSetMaxErrTestFails, ARKStepFree};
+constexpr Calls kErkStep{"ERKStep",
+                         ARK_ONE_STEP,
+                         ERKStepEvolve,
+                         ERKStepReset,
+                         ERKStepSetStopTime,
+                         ERKStepSVtolerances,
+                         ERKStepSetUserData,
+                         ERKStepSetMaxNumSteps,
+                         ERKStepSetErrHandlerFn,
+                         ERKStepSetMaxStep,
+                         ERKStepSetMaxErrTestFails,
+                         ERKStepFree};
+constexpr Calls kArkStep{"ARKStep",
+                         ARK_ONE_STEP,
+                         ARKStepEvolve,
+                         ARKStepReset,
+                         ARKStepSetStopTime,
+                         ARKStepSVtolerances,
+                         ARKStepSetUserData,
+                         ARKStepSetMaxNumSteps,
+                         ARKStepSetErrHandlerFn,
+                         ARKStepSetMaxStep,
+                         ARKStepSetMaxErrTestFails,
+                         ARKStepFree};
 /// The slow step is fixed: neither its length nor its error is controlled.
-constexpr Calls kMriStep{"MRIStep", ARK_ONE_STEP, MRIStepEvolve, MRIStepReset, MRIStepSetStopTime,
-                         MRIStepSVtolerances, MRIStepSetUserData, MRIStepSetMaxNumSteps, MRIStepSetErrHandlerFn, nullptr,
-                         nullptr, MRIStepFree};
+constexpr Calls kMriStep{"MRIStep",
+                         ARK_ONE_STEP,
+                         MRIStepEvolve,
+                         MRIStepReset,
+                         MRIStepSetStopTime,
+                         MRIStepSVtolerances,
+                         MRIStepSetUserData,
+                         MRIStepSetMaxNumSteps,
+                         MRIStepSetErrHandlerFn,
+                         nullptr,
+                         nullptr,
+                         MRIStepFree};
 
 /// Keeps SUNDIALS' last complaint instead of printing it.
 void keep_text(int, const char*, const char* function, char* message, void* text) {
@@ -69,7 +105,8 @@ void keep_text(int, const char*, const char* function, char* message, void* text
 /// One of SUNDIALS' integrators.
 class Package {
  public:
-  Package(const Calls& calls, void* memory) : calls_(&calls), memory_(memory, calls.free), complaint_(std::make_unique<std::string>()) {
+  Package(const Calls& calls, void* memory)
+      : calls_(&calls), memory_(memory, calls.free), complaint_(std::make_unique<std::string>()) {
     if (!memory) throw core::NumericsError(fmt::format("{} could not be created; free some memory", calls.package));
   }
 
@@ -153,7 +190,9 @@ class Multistep : public PackageSolver {
 class OneStep : public PackageSolver {
  public:
   OneStep(Package package, Parts parts, const SolverSetup& setup)
-      : PackageSolver(std::move(package), std::move(parts), setup.system), start_(N_VClone(setup.y)), end_(N_VClone(setup.y)) {}
+      : PackageSolver(std::move(package), std::move(parts), setup.system),
+        start_(N_VClone(setup.y)),
+        end_(N_VClone(setup.y)) {}
 
   double step(N_Vector y) override {
     if (is_moved_) PackageSolver::restart(end_time_, end_.get(), goal_);
@@ -207,7 +246,8 @@ Package make_cvode(int method, const SolverSetup& setup) {
 std::unique_ptr<Solver> make_adams(const SolverSetup& setup) {
   Package package = make_cvode(CV_ADAMS, setup);
   Parts parts;
-  parts.iteration = require_made<NonlinearSolver>(SUNNonlinSol_FixedPoint(setup.y, kFixedPointVectors, setup.context), "the fixed-point iteration");
+  parts.iteration = require_made<NonlinearSolver>(SUNNonlinSol_FixedPoint(setup.y, kFixedPointVectors, setup.context),
+                                                  "the fixed-point iteration");
   package.require(CVodeSetNonlinearSolver(package.memory(), parts.iteration.get()));
   return std::make_unique<Multistep>(std::move(package), std::move(parts), setup.system);
 }
@@ -271,15 +311,19 @@ std::unique_ptr<Solver> make_two_rates(const SolverSetup& setup) {
 
 std::unique_ptr<Solver> make_solver(Scheme scheme, const SolverSetup& setup) {
   switch (scheme) {
-    case Scheme::cvode_adams: return make_adams(setup);
-    case Scheme::cvode_bdf: return make_bdf(setup);
-    case Scheme::erkstep: return make_explicit(setup);
+    case Scheme::cvode_adams:
+      return make_adams(setup);
+    case Scheme::cvode_bdf:
+      return make_bdf(setup);
+    case Scheme::erkstep:
+      return make_explicit(setup);
     case Scheme::arkstep_implicit:
       return make_implicit(nullptr, slope<Part::all, true>, jacobian_times<Part::all, true>, kImplicitOrder, setup);
     case Scheme::arkstep_imex:
       return make_implicit(slope<Part::springs, true>, slope<Part::dashpots, false>, jacobian_times<Part::dashpots, false>,
                            kMixedOrder, setup);
-    default: return make_two_rates(setup);
+    default:
+      return make_two_rates(setup);
   }
 }
 

@@ -106,17 +106,20 @@ void WatchedPairs::renew(const Motion& motion) {
   for (const core::PairList* list : {&list_.ball_pairs(), &list_.fixed_pairs()}) {
     for (std::size_t p = 0; p < list->count; ++p) {
       const std::uint32_t a = number_of(list->i[p]), b = number_of(list->j[p]);
-      WatchedPair pair{std::min(a, b), std::max(a, b), balls_.rows[list->i[p]].r + balls_.rows[list->j[p]].r, Branch::apart, {}, {}};
+      WatchedPair pair{
+          std::min(a, b), std::max(a, b), balls_.rows[list->i[p]].r + balls_.rows[list->j[p]].r, Branch::apart, {}, {}};
       pair.start = approach(pair, motion);
       const auto same = std::lower_bound(known.begin(), known.end(), pair, before);
       if (same != known.end() && !before(pair, *same)) {
         pair = *same;
       } else {
         const Branch said = branch_of(law(pair), pair.start);
-        if (is_new_) pair.branch = said;
+        if (is_new_)
+          pair.branch = said;
         else if (said != Branch::apart) {
-          throw core::NumericsError(fmt::format("reference: balls {} and {} met unseen; their overlap is {} m: use a smaller rtol",
-                                                id_of(pair.i), id_of(pair.j), pair.start.overlap));
+          throw core::NumericsError(
+              fmt::format("reference: balls {} and {} met unseen; their overlap is {} m: use a smaller rtol", id_of(pair.i),
+                          id_of(pair.j), pair.start.overlap));
         }
       }
       pairs_.push_back(pair);

@@ -12,12 +12,12 @@ struct Motion {
 };
 
 struct WatchedPair {
-  std::uint32_t i, j;           // numbers of balls in Motion; i is content
-  double radii;                 // m, their sum
+  std::uint32_t i, j;  // numbers of balls in Motion; i is content
+  double radii;        // m, their sum
   Branch branch;
-  core::Approach start, end;    // at both ends of the step in question
-  double window = 0.0;          // s, time of the change since which the changes are counted
-  int changes = 0;              // within the window
+  core::Approach start, end;  // at both ends of the step in question
+  double window = 0.0;        // s, time of the change since which the changes are counted
+  int changes = 0;            // within the window
 };
 
 class WatchedPairs {

@@ -78,7 +78,9 @@ void ForceField::acceleration(std::span<const double> x, std::span<const double>
   }
   sums_.back() = {};
   if (overloaded_) {
-    throw NumericsError("a contact force or overlap is beyond the limit, or not finite, in a force evaluation; use a smaller step or tolerance");
+    throw NumericsError(
+        "a contact force or overlap is beyond the limit, or not finite, in a force evaluation; use a smaller step or "
+        "tolerance");
   }
 }
 

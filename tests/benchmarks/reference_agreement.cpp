@@ -77,7 +77,8 @@ TEST(ReferenceAgreement, AFewDozenBalls) {
   EXPECT_LT(error(Scheme::cvode_adams, 1e-12, true, start, seconds, exact), 1e-11);
   // Without roots a step across a branch change errs up to the tolerance on one side, over and over: measured 300 times
   // more for ERKStep, 2.5 times for Adams.
-  EXPECT_GT(error(Scheme::erkstep, 1e-10, false, start, seconds, exact), 20.0 * error(Scheme::erkstep, 1e-10, true, start, seconds, exact));
+  EXPECT_GT(error(Scheme::erkstep, 1e-10, false, start, seconds, exact),
+            20.0 * error(Scheme::erkstep, 1e-10, true, start, seconds, exact));
 }
 
 }  // namespace

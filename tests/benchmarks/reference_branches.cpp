@@ -1,5 +1,5 @@
-// Branches of the law and their ends, without any integrator.
-#include "benchmarks/branch_changes.hpp"
+// Branches of the law, their ends, and pairs that keep theirs, without any integrator.
+#include "benchmarks/watched_pairs.hpp"
 
 #include "tests/support/balls.hpp"
 
@@ -10,9 +10,11 @@ namespace {
 
 using core::Approach;
 using core::ContactLaw;
+using core::Materials;
+using core::State;
 
 constexpr double kStiffness = 1e6, kDashpot = 2e3, kReach = 1e-3;
-const ContactLaw kLaws[] = {{kStiffness, kDashpot, 0.0, false},   {kStiffness, kDashpot, 0.0, true},
+const ContactLaw kLaws[] = {{kStiffness, kDashpot, 0.0, false},    {kStiffness, kDashpot, 0.0, true},
                             {kStiffness, kDashpot, kReach, false}, {kStiffness, kDashpot, kReach, true},
                             {kStiffness, 0.0, 0.0, false},         {kStiffness, 0.0, kReach, false}};
 const Rounding kRounding{1e-15, 1e-14};
@@ -61,7 +63,8 @@ TEST(Branches, EveryExitIsClosedWithinAndLeadsToTheBranchBeyond) {
   for (const int times : crossed) EXPECT_GT(times, 50);
 }
 
-/// A flight past each other without forces: closest, by `overlap`, in the middle of a step of 1 s; `curvature` of the overlap [m/s2].
+/// A flight past each other without forces: closest, by `overlap`, in the middle of a step of 1 s; `curvature` of the
+/// overlap [m/s2].
 struct Flight {
   Approach start, end;
   Flight(double overlap, double curvature)
@@ -112,8 +115,83 @@ TEST(Passage, RoundingIsNeitherTouchNorGraze) {
   EXPECT_EQ(passage(touch, {0.0, -1.0}, {0.9e-15, -1.0}, 1e-16, kRounding), Passage::none);
   EXPECT_EQ(passage(touch, {0.0, -1.0}, {1.1e-15, -1.0}, 1e-16, kRounding), Passage::through);
   const double h = 1e-12, slope = kDashpot / kStiffness;
-  const Approach on_limit{slope, -1.0}, after{slope + 1e-15, -1.0};  // 1e-15 m in 1e-12 s is far from the -1 m/s that it moves at
+  const Approach on_limit{slope, -1.0},
+      after{slope + 1e-15, -1.0};  // 1e-15 m in 1e-12 s is far from the -1 m/s that it moves at
   EXPECT_EQ(passage(clamp, on_limit, after, h, kRounding), Passage::none);
+}
+
+/// Ball 0 between ball 1 and the fixed ball 2, along z; overlaps with both [m], and upward speed of ball 0 [m/s].
+State between(double overlap_ball, double overlap_wall, double up) {
+  State state;
+  state.add(0, core::Kind::content, {0.0, 0.0, 0.4 - overlap_wall}, {0.0, 0.0, up}, 0.2);
+  state.add(1, core::Kind::content, {0.0, 0.0, 0.75 - overlap_wall - overlap_ball}, core::Vec3::Zero(), 0.15);
+  state.add(2, core::Kind::wall, core::Vec3::Zero(), core::Vec3::Zero(), 0.2);
+  return state;
+}
+
+TEST(WatchedPairs, KeepTheirBranchesInEveryPart) {
+  // Begun in one place and evaluated in another: law and correction together are the first place's formula.
+  Materials materials;
+  materials.ball = {2e6, 3e3};
+  materials.wall = {5e6, 4e4};
+  for (const double cohesion : {0.0, 2e3}) {
+    materials.cohesion = cohesion;
+    tests::Random random(3);
+    int kept[5] = {};
+    for (int trial = 0; trial < 300; ++trial) {
+      const auto anywhere = [&] {
+        return between(random.between(-2e-3, 2e-3), random.between(-2e-3, 2e-3), random.between(-1.0, 1.0));
+      };
+      const State begun = anywhere(), now = anywhere();
+      core::ForceField field(now, materials, core::Vec3::Zero(), false, 1);
+      WatchedPairs watched(begun, materials, false, 1e-3, {0.0, 0.0});
+      const auto motion_of = [&](const State& state) {
+        Motion motion;
+        for (std::size_t i = 0; i < 2; ++i) {
+          motion.x.insert(motion.x.end(), state.position[i].data(), state.position[i].data() + 3);
+          motion.v.insert(motion.v.end(), state.velocity[i].data(), state.velocity[i].data() + 3);
+        }
+        watched.append_fixed(motion);
+        return motion;
+      };
+      watched.renew(motion_of(begun));
+      ASSERT_EQ(watched.pairs().size(), 2U);
+      const Motion motion = motion_of(now);
+      const auto part = [&](core::Part which) {
+        std::vector<double> a(6);
+        field.acceleration({motion.x.data(), 6}, {motion.v.data(), 6}, a, which);
+        watched.keep_branches(motion, which, a);
+        return a;
+      };
+      double force[2], spring[2];  // N, with the wall and with the ball
+      for (const WatchedPair& pair : watched.pairs()) {
+        const bool with_wall = pair.j == 2;
+        const Approach at = watched.approach(pair, motion);
+        force[with_wall ? 0 : 1] = branch_force(watched.law(pair), pair.branch, at);
+        spring[with_wall ? 0 : 1] = branch_spring(watched.law(pair), pair.branch, at);
+        kept[static_cast<int>(pair.branch)] += pair.branch == branch_of(watched.law(pair), at) ? 0 : 1;
+      }
+      const double m0 = materials.mass(0.2), m1 = materials.mass(0.15);
+      // Forces up to 5e4 N, rounded; in units of 1e-10 N.
+      constexpr double kNear = 1e-9;
+      const auto expect = [&](core::Part which, double wall, double ball) {
+        const auto a = part(which);
+        EXPECT_NEAR(a[2], (wall - ball) / m0, kNear);
+        EXPECT_NEAR(a[5], ball / m1, kNear);
+      };
+      expect(core::Part::all, force[0], force[1]);
+      expect(core::Part::springs, spring[0], spring[1]);
+      expect(core::Part::dashpots, force[0] - spring[0], force[1] - spring[1]);
+      expect(core::Part::ball_pairs, 0.0, force[1]);
+      expect(core::Part::fixed_pairs, force[0], 0.0);
+    }
+    for (const Branch branch : {Branch::apart, Branch::nearing, Branch::parting, Branch::pressed, Branch::clamped}) {
+      const bool exists = cohesion > 0.0 || (branch != Branch::nearing && branch != Branch::parting);
+      if (exists) {
+        EXPECT_GT(kept[static_cast<int>(branch)], 0) << static_cast<int>(branch);
+      }
+    }
+  }
 }
 
 }  // namespace

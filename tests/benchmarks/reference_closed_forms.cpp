@@ -5,8 +5,8 @@
 #include "tests/support/order.hpp"
 #include "tests/support/reference_runs.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
 
 namespace grainclock::benchmarks {
 namespace {
@@ -25,14 +25,17 @@ struct Reach {
   double rtol, error;
 };
 /// A few hundred steps, each with an error up to rtol: 100 rtol. BDF and the diagonally implicit scheme, of order 5 at most,
-/// err to one side and need a smaller rtol. What limits mristep is its fixed slow step h: (h w)^3 for contacts of frequency w
-/// among content.
+/// err to one side and need a smaller rtol. What limits mristep is its fixed slow step h: (h w)^3 for contacts of frequency
+/// w among content.
 Reach reach_of(Scheme scheme) {
   switch (scheme) {
     case Scheme::cvode_bdf:
-    case Scheme::arkstep_implicit: return {1e-13, 1e-10};
-    case Scheme::mristep: return {1e-12, 1e-9};
-    default: return {1e-12, 1e-10};
+    case Scheme::arkstep_implicit:
+      return {1e-13, 1e-10};
+    case Scheme::mristep:
+      return {1e-12, 1e-9};
+    default:
+      return {1e-12, 1e-10};
   }
 }
 
@@ -63,7 +66,8 @@ TEST_P(ReferenceClosedForm, DampedCollisions) {
       Materials materials;
       materials.tension = tension;
       const State start = tests::two_balls(materials, 0.22, 0.15, gap, speed, other);
-      const tests::FreeCollision collision{materials.pair(other), tests::effective_mass(materials, 0.22, 0.15, other), tension, speed};
+      const tests::FreeCollision collision{materials.pair(other), tests::effective_mass(materials, 0.22, 0.15, other),
+                                           tension, speed};
       const double duration = collision.duration();
       const Approach end = collision.at(duration);
       const double flight = tension ? 0.0 : -end.overlap / end.rate;  // clamped, the balls part freely
@@ -115,8 +119,8 @@ TEST_P(ReferenceClosedForm, ClampAndItsEndUnderLoad) {
   const double after = 0.003;
   const Approach expected = tests::oscillator(materials.wall, m, m * g, at_end, after);
 
-  const ReferenceRun run =
-      this->run(tests::ball_on_floor(-start.overlap, -start.rate), setup_of(materials, {0.0, 0.0, -g}), clamped + freely + after);
+  const ReferenceRun run = this->run(tests::ball_on_floor(-start.overlap, -start.rate), setup_of(materials, {0.0, 0.0, -g}),
+                                     clamped + freely + after);
 
   expect_changes(run, {.clamped = 1, .unclamped = 1});
   const double share = this->share();
@@ -182,7 +186,8 @@ TEST_P(ReferenceClosedForm, CohesionTooWeakForTheLoad) {
   const double leaves = std::acos((rest - reach) / (rest - height)) / w;
   const double last = w * (rest - height) * std::sin(w * leaves), after = 0.001;
 
-  const ReferenceRun run = this->run(tests::ball_under_ceiling(gap, speed), setup_of(materials, {0.0, 0.0, -g}), turn + leaves + after);
+  const ReferenceRun run =
+      this->run(tests::ball_under_ceiling(gap, speed), setup_of(materials, {0.0, 0.0, -g}), turn + leaves + after);
 
   expect_changes(run, {.out_of_reach = 1, .into_reach = 1, .parting = 1});
   const double share = this->share();
@@ -231,7 +236,8 @@ TEST_P(ReferenceClosedForm, ClosedChain) {
   const ReferenceRun run = this->run(start, setup_of(materials), seconds);
 
   expect_changes(run, {});
-  const double length = u0.lpNorm<Eigen::Infinity>(), speed = v0.lpNorm<Eigen::Infinity>(), w = std::sqrt(modes.eigenvalues()[kBalls - 1]);
+  const double length = u0.lpNorm<Eigen::Infinity>(), speed = v0.lpNorm<Eigen::Infinity>(),
+               w = std::sqrt(modes.eigenvalues()[kBalls - 1]);
   for (int ball = 0; ball < kBalls; ++ball) {
     EXPECT_NEAR(run.end.position[ball].x() - start.position[ball].x() + u0[ball], u[ball], share() * (length + speed / w));
     EXPECT_NEAR(run.end.velocity[ball].x(), v[ball], share() * (speed + w * length));

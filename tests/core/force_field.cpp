@@ -60,7 +60,8 @@ TEST(ForceField, PartsAddUpToTheWhole) {
       const auto all = part(Part::all), springs = part(Part::springs), dashpots = part(Part::dashpots);
       const auto ball_pairs = part(Part::ball_pairs), fixed_pairs = part(Part::fixed_pairs);
       double largest = 0.0;
-      for (std::size_t k = 0; k < all.size(); ++k) largest = std::max({largest, std::abs(springs[k]), std::abs(dashpots[k])});
+      for (std::size_t k = 0; k < all.size(); ++k)
+        largest = std::max({largest, std::abs(springs[k]), std::abs(dashpots[k])});
       for (std::size_t k = 0; k < all.size(); ++k) {
         // Sums are exact in integers; each part is rounded once or twice as it becomes a double.
         EXPECT_NEAR(springs[k] + dashpots[k], all[k], 1e-15 * largest);
@@ -71,7 +72,8 @@ TEST(ForceField, PartsAddUpToTheWhole) {
       undamped.ball.c = undamped.wall.c = 0.0;
       State alone;
       for (std::size_t i = 0; i < state.size(); ++i) {
-        if (state.kind[i] == Kind::content) alone.add(state.id[i], state.kind[i], state.position[i], state.velocity[i], state.radius[i]);
+        if (state.kind[i] == Kind::content)
+          alone.add(state.id[i], state.kind[i], state.position[i], state.velocity[i], state.radius[i]);
       }
       const auto expected_springs = flat(state, tests::accelerations(state, undamped, kGravity));
       const auto expected_balls = flat(alone, tests::accelerations(alone, materials, kGravity));

@@ -4,8 +4,8 @@
 #include "benchmarks/reference.hpp"
 #include "tests/support/balls.hpp"
 
-#include <array>
 #include <gtest/gtest.h>
+#include <array>
 #include <string>
 
 namespace grainclock::tests {
@@ -16,9 +16,10 @@ using benchmarks::ReferenceRun;
 using benchmarks::Scheme;
 
 inline constexpr std::array kSchemes{Scheme::cvode_adams,      Scheme::cvode_bdf,    Scheme::erkstep,
-                              Scheme::arkstep_implicit, Scheme::arkstep_imex, Scheme::mristep};
+                                     Scheme::arkstep_implicit, Scheme::arkstep_imex, Scheme::mristep};
 /// Those whose accuracy the tolerance alone decides.
-inline constexpr std::array kAdaptive{Scheme::cvode_adams, Scheme::cvode_bdf, Scheme::erkstep, Scheme::arkstep_implicit, Scheme::arkstep_imex};
+inline constexpr std::array kAdaptive{Scheme::cvode_adams, Scheme::cvode_bdf, Scheme::erkstep, Scheme::arkstep_implicit,
+                                      Scheme::arkstep_imex};
 
 inline std::string name_of(Scheme scheme) {
   constexpr const char* kNames[] = {"adams", "bdf", "erk", "implicit", "imex", "mri"};
@@ -27,8 +28,8 @@ inline std::string name_of(Scheme scheme) {
 inline std::string test_name(const testing::TestParamInfo<Scheme>& scheme) { return name_of(scheme.param); }
 
 /// With roots.
-inline ReferenceRun judged(Scheme scheme, double rtol, const core::State& start, const core::StepperSetup& setup, double seconds,
-                           double slow_step = 1e-5) {
+inline ReferenceRun judged(Scheme scheme, double rtol, const core::State& start, const core::StepperSetup& setup,
+                           double seconds, double slow_step = 1e-5) {
   return benchmarks::integrate({scheme, rtol, slow_step, true}, start, setup, seconds);
 }
 
