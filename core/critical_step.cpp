@@ -11,7 +11,7 @@
 
 namespace grainclock::core {
 
-double dashpot_factor(Integrator integrator) { return integrator == Integrator::lagged ? 2.0 : 4.0; }
+double dashpot_factor(Integrator integrator) { return integrator == Integrator::predicted ? 4.0 : 2.0; }
 
 namespace {
 

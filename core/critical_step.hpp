@@ -6,7 +6,8 @@
 
 namespace grainclock::core {
 
-/// q of the bound h2 k + q h c <= 4 m: 2 for lagged dashpots, 4 for predicted ones and pece.
+/// q of the bound h2 k + q h c <= 4 m: 2 for lagged dashpots, 4 for predicted ones. pece takes longer steps than lagged in
+/// any single mode; that it does in coupled ones too is found, not proven (tests/benchmarks/stability_theory.cpp).
 double dashpot_factor(Integrator integrator);
 
 struct StepBounds {

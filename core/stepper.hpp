@@ -1,6 +1,7 @@
 // What a run needs from any stepper, uniform or multi-rate.
 #pragma once
 
+#include "core/kernels.hpp"
 #include "core/ledger.hpp"
 #include "core/scene.hpp"
 #include "core/state.hpp"
@@ -75,6 +76,7 @@ struct StepperSetup {
   Costs costs;                // likewise
   std::int64_t steps_done = 0;    // restart: step count since the phase's start
   double skin = 0.0;          // m, floor of the per-ball skin; 0: the default. Never changes results
+  const Kernels* kernels = &core::kernels();  // any of runnable_kernels() gives the same bits; tests break theirs on purpose
 };
 
 /// The uniform stepper (core), any integrator. State may hold any kinds of balls.

@@ -113,7 +113,7 @@ class UniformStepper final : public BallStepper {
 
   void sweep_pairs() {
     ball_totals_ = fixed_totals_ = {};
-    const Kernels& kernel = kernels();
+    const Kernels& kernel = *setup_.kernels;
     struct Part {
       SweepTotals ball, fixed;
     };
@@ -184,7 +184,7 @@ class UniformStepper final : public BallStepper {
   }
 
   void move(Advance what) {
-    const Kernels& kernel = kernels();
+    const Kernels& kernel = *setup_.kernels;
     const auto advance = scheme_ == Integrator::lagged ? kernel.advance_lagged : kernel.advance_predicted;
     const std::uint32_t n = balls_.content_count();
     bool unsafe = false, crossed = false;

@@ -39,7 +39,8 @@ constexpr double kAccelerating = 1.5;  // an approach may be faster than it look
 constexpr double kAhead = 1.1 * kAccelerating;  // intervals between renewals that lists look ahead
 constexpr double kSoon = 2.5e-4;   // mean diameters: gaps below it count as about to close
 constexpr std::size_t kWorthThreads = 4096;  // pairs or balls
-constexpr double kQuiet = 0.05;         // speeds below this share of sqrt(g d) need not be resolved relative to themselves
+// Speeds below these shares of sqrt(g d) and of omega d need not be resolved relative to themselves.
+constexpr double kQuiet = 0.05, kStill = 1e-6;
 constexpr int kMostCoarseSteps = 6;     // between regular renewals
 constexpr double kRenewalPhase = 1.25;  // omega times the time between renewals, of two mean balls
 
@@ -90,10 +91,14 @@ struct Batch {
   PairList ball, fixed;
 };
 
+/// Circular frequency of two undamped balls of this diameter in contact [1/s].
+double omega(const core::Materials& materials, double diameter) {
+  return std::sqrt(2.0 * materials.ball.k / materials.mass(0.5 * diameter));
+}
+
 /// Coarse steps between regular renewals of classes: while a pulse passes few balls only.
 int renew_every(const core::Materials& materials, double diameter, double coarsest_step) {
-  const double omega = std::sqrt(2.0 * materials.ball.k / materials.mass(0.5 * diameter));
-  return std::clamp(static_cast<int>(kRenewalPhase / (omega * coarsest_step)), 1, kMostCoarseSteps);
+  return std::clamp(static_cast<int>(kRenewalPhase / (omega(materials, diameter) * coarsest_step)), 1, kMostCoarseSteps);
 }
 
 class MultirateStepper final : public core::BallStepper {
@@ -183,7 +188,7 @@ class MultirateStepper final : public core::BallStepper {
   // ---- one tick ----
 
   void drift(Level level) {
-    const core::Kernels& kernel = core::kernels();
+    const core::Kernels& kernel = *setup_.kernels;
     share_rows(drifting_[level], [&](core::RowSpan rows) { kernel.drift(balls_.rows.data(), paths_.data(), rows, ladder_.step(level)); });
   }
 
@@ -198,7 +203,7 @@ class MultirateStepper final : public core::BallStepper {
 
   SweepTotals sweep(const PairList& pairs, const core::SweepLaw& law, Level level) {
     if (pairs.count == 0) return {};
-    const core::Kernels& kernel = core::kernels();
+    const core::Kernels& kernel = *setup_.kernels;
     costs_.contact_evaluations += pairs.count;
     const int parts = pairs.count >= kWorthThreads ? threads_ : 1;
     parts_ = std::max(parts_, parts);
@@ -248,7 +253,7 @@ class MultirateStepper final : public core::BallStepper {
   }
 
   void kick(Level active) {
-    const core::Kernels& kernel = core::kernels();
+    const core::Kernels& kernel = *setup_.kernels;
     core::KickParameters p{};
     for (int k = 0; k < 3; ++k) p.gravity[k] = setup_.gravity[k];
     p.unit = scale_.unit;
@@ -303,7 +308,7 @@ class MultirateStepper final : public core::BallStepper {
     bool strayed = false, crossed = false;
 #pragma omp parallel for num_threads(threads_) schedule(static, 1) reduction(|| : strayed, crossed) if (threads_ > 1)
     for (int t = 0; t < threads_; ++t) {
-      const auto report = core::kernels().watch(balls_.rows.data(), expected_.data(), seconds, advance_,
+      const auto report = setup_.kernels->watch(balls_.rows.data(), expected_.data(), seconds, advance_,
                                                 std::size_t{n} * t / threads_, std::size_t{n} * (t + 1) / threads_);
       strayed = strayed || report.list_unsafe;
       crossed = crossed || report.crossed;
@@ -314,7 +319,7 @@ class MultirateStepper final : public core::BallStepper {
 
   /// Evaluates every listed pair at the rows' present values.
   void record() {
-    const core::Kernels& kernel = core::kernels();
+    const core::Kernels& kernel = *setup_.kernels;
     bool overloaded = false;
     for (const bool fixed : {false, true}) {
       const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
@@ -351,7 +356,7 @@ class MultirateStepper final : public core::BallStepper {
 #pragma omp parallel for num_threads(threads_) schedule(static, 1) if (threads_ > 1)
       for (int t = 0; t < threads_; ++t) {
         // A missed contact has no weight: it pays nothing backwards.
-        core::kernels().sum_recorded(pairs.span(), book.force.data(), book.level.data(), !fixed,
+        setup_.kernels->sum_recorded(pairs.span(), book.force.data(), book.level.data(), !fixed,
                                      sums_.data() + static_cast<std::size_t>(t) * stride(), pairs.count * t / threads_,
                                      pairs.count * (t + 1) / threads_);
       }
@@ -373,7 +378,7 @@ class MultirateStepper final : public core::BallStepper {
     Opened half{{}, {}, 0.5 * ladder_.tick()};
     for (const bool fixed : {false, true}) {
       PairBook& book = books_[fixed];
-      core::kernels().total_recorded(book.records(0), book.level.data(), fixed, fixed ? half.fixed : half.ball, 0,
+      setup_.kernels->total_recorded(book.records(0), book.level.data(), fixed, fixed ? half.fixed : half.ball, 0,
                                      (fixed ? list_.fixed_pairs() : list_.ball_pairs()).count);
     }
     return half;
@@ -588,8 +593,8 @@ class MultirateStepper final : public core::BallStepper {
     std::int64_t sum = 0;
     for (std::uint32_t row = 0; row < n; ++row) sum += std::llround(square(row) / unit);
     const double quiet = kQuiet * kQuiet * setup_.gravity.norm() * length_scale_;
-    return std::max({unit * static_cast<double>(sum) / std::max(1.0, static_cast<double>(n)), quiet,
-                     std::numeric_limits<double>::min()});
+    const double still = kStill * omega(setup_.materials, length_scale_) * length_scale_;
+    return std::max({unit * static_cast<double>(sum) / std::max(1.0, static_cast<double>(n)), quiet, still * still});
   }
 
   /// Sorts contacts by level and balls by the finest level at which they take part.

@@ -22,7 +22,7 @@ constexpr double kRatios[] = {0.0, 0.02, 0.3, 0.6, 1.0, 3.0};  // of damping
 
 TEST(CriticalStep, OfAPairIsTheRootOfTheBound) {
   for (const Integrator integrator : {Integrator::lagged, Integrator::predicted, Integrator::pece}) {
-    const double q = integrator == Integrator::lagged ? 2.0 : 4.0;
+    const double q = integrator == Integrator::predicted ? 4.0 : 2.0;
     EXPECT_EQ(dashpot_factor(integrator), q);
     for (const PairLaw& law : {PairLaw{1e7, 0.0}, PairLaw{1e7, 2e4}, PairLaw{1e7, 1e8}, PairLaw{0.0, 2e4}}) {
       const double inverse_mass = 1.0 / 27.9, h = critical_step_of_pair(law, inverse_mass, integrator);
