@@ -81,15 +81,19 @@ struct Need {
     matrix.ball += other.matrix.ball;
     matrix.fixed += other.matrix.fixed;
   }
-  double smooth_urgency() const { return std::sqrt(std::sqrt(smooth4)); }  // 1/s
-  /// 1/s, of its impacts, eased where other contacts hold it.
-  double impact_urgency() const { return std::sqrt(std::sqrt(impact4)) / (is_confined ? kConfinedReach : 1.0); }
+  /// 1/s4, of its impacts, eased where other contacts hold it.
+  double eased_impact4() const {
+    constexpr double kEase = kConfinedReach * kConfinedReach * kConfinedReach * kConfinedReach;
+    return is_confined ? impact4 / kEase : impact4;
+  }
 };
 
 /// Contacts of one level, contiguous.
 struct Batch {
   PairList ball, fixed;
 };
+
+double fourth(double x) { return (x * x) * (x * x); }
 
 /// Circular frequency of two undamped balls of this diameter in contact [1/s].
 double omega(const core::Materials& materials, double diameter) {
@@ -553,30 +557,31 @@ class MultirateStepper final : public core::BallStepper {
         level_[row] = level;
       }
     });
-    share_error(kSmoothError, [](const Need& need) { return need.smooth_urgency(); });
-    share_error(kImpactError, [](const Need& need) { return need.impact_urgency(); });
+    share_error(kSmoothError, [](const Need& need) { return need.smooth4; });
+    share_error(kImpactError, [](const Need& need) { return need.eased_impact4(); });
   }
 
   /// Makes balls finer until the expected error from these urgencies is the tolerance.
-  template <class Urgency>
-  void share_error(double error_factor, Urgency urgency) {
-    strides_.clear();
+  template <class Urgency4>
+  void share_error(double error_factor, Urgency4 urgency4) {
+    strides4_.clear();
     for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
-      const double stride = ladder_.step(level_[row]) * urgency(needs_[0][row]);
-      if (stride > 0.0) strides_.push_back(stride * stride);
+      const double stride4 = fourth(ladder_.step(level_[row])) * urgency4(needs_[0][row]);
+      if (stride4 > 0.0) strides4_.push_back(stride4);
     }
-    const double reach = shared_reach(strides_, balls_.content_count(), error_factor, setup_.stepping.tolerance);
+    const double reach4 = shared_reach4(strides4_, balls_.content_count(), error_factor, setup_.stepping.tolerance);
     share_balls([&](std::uint32_t begin, std::uint32_t end) {
       for (std::uint32_t row = begin; row < end; ++row) {
-        level_[row] = std::min(level_[row], classed(urgency(needs_[0][row]) / reach, before_[row]));
+        level_[row] = std::min(level_[row], classed(urgency4(needs_[0][row]), reach4, before_[row]));
       }
     });
   }
 
-  /// The coarsest level whose step is at most 1/urgency, coarser than `now` only with room to spare.
-  Level classed(double urgency, Level now) const {
-    const auto level = [this](double u) { return u > 0.0 ? ladder_.level_of(1.0 / u) : ladder_.coarsest(); };
-    return std::min(level(urgency), std::max(now, level(kHysteresis * urgency)));
+  /// The coarsest level within the reach, coarser than `now` only with room to spare.
+  Level classed(double urgency4, double reach4, Level now) const {
+    if (urgency4 * fourth(kHysteresis * ladder_.step(ladder_.coarsest())) <= reach4) return ladder_.coarsest();
+    const double longest = std::sqrt(std::sqrt(reach4 / urgency4));  // s
+    return std::min(ladder_.level_of(longest), std::max(now, ladder_.level_of(longest / kHysteresis)));
   }
 
   /// Mean square of the content's speeds [m2/s2], not below what gravity makes quiet.
@@ -698,7 +703,7 @@ class MultirateStepper final : public core::BallStepper {
   std::vector<std::vector<std::uint32_t>> recorded_[2];
   PairBook books_[2];                    // among balls, with fixed balls
   std::vector<std::vector<Need>> needs_;  // per thread
-  std::vector<double> strides_;           // see shared_reach()
+  std::vector<double> strides4_;          // see shared_reach4()
   std::vector<Level> before_;             // levels of the balls before the present renewal
   std::vector<double> margin_;            // m, see margin()
   double speed2_ = 0.0;                   // m2/s2, see mean_square_speed()
