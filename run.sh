@@ -1,41 +1,48 @@
 #!/bin/sh
-# Installs what is missing, builds grainclock, fills the paper's silo, runs the accuracy-versus-speed study on it
-# and leaves charts and an HTML report in out/report.
-#   ./run.sh              the full Table 1 silo, 22,741 balls (at most 10 minutes on two cores)
-#   ./run.sh --starts 3   the same from three start states (longer)
-#   ./run.sh --quick      a silo of 500 balls (seconds, after the build)
-#   ./run.sh --threads N  default: all cores
+# Installs what is missing, builds grainclock, makes the start states, runs the accuracy-versus-speed studies up to the
+# paper's full silo, and leaves charts and an HTML report in out/report.
+#   ./run.sh              everything on one start state (about a quarter of an hour on two cores)
+#   ./run.sh --starts 3   the full silo from three start states (longer)
+#   ./run.sh --quick      small scenes only (a minute or two, after the build)
+#   ./run.sh --threads N  for filling and pictures; studies compare methods on one core. Default: all cores
+# A run that was stopped goes on where it was with --continue DIR, the directory that it named.
 set -eu
 cd "$(dirname "$0")"
 
-usage() { sed -n '2,7s/^# \{0,1\}//p' "$0"; }
+usage() { sed -n '2,8s/^# \{0,1\}//p' "$0"; }
 fail() { echo "run.sh: $*; try --help" >&2; exit 2; }
 
 # Threads that wait for each other give way soon, so that a busy machine slows a run down by no more than its share.
 export GOMP_SPINCOUNT="${GOMP_SPINCOUNT:-2000}"
 
-name=table1 study=table1-flow seeds="1" threads=$(nproc)
+small="pair chain pile mini" others="printed stability mini-statistics table1-crosscheck" main=table1-flow
+seeds=1 threads=$(nproc) out=""
 while [ $# -gt 0 ]; do
   case "$1" in
-    --quick) name=mini study=mini ;;
+    --quick) small="pair chain pile" others="" main=mini ;;
     --starts)
       [ "${2:-}" = 1 ] || [ "${2:-}" = 3 ] || fail "--starts takes 1 or 3"
-      [ "$2" = 1 ] || { study=table1-flow-starts seeds="1 2 3"; }
+      [ "$2" = 1 ] || { main=table1-flow-starts seeds="1 2 3"; }
       shift ;;
     --threads)
       case "${2:-}" in "" | *[!0-9]* | 0*) fail "--threads takes a number above 0" ;; esac
       threads=$2
+      shift ;;
+    --continue)
+      [ -d "${2:-}" ] || fail "--continue takes the directory of the run that was stopped"
+      out=$2
       shift ;;
     --help | -h) usage; exit 0 ;;
     *) fail "unknown option '$1'" ;;
   esac
   shift
 done
-[ "$name" != mini ] || seeds="1"
 
 # Steps with the minutes they take on two cores, for the estimate of the remaining time only.
-if [ "$name" = mini ]; then start_minutes=0 study_minutes=1; else start_minutes=3 study_minutes=4; fi
-left=$((2 + start_minutes * $(echo $seeds | wc -w) + study_minutes * $(echo $seeds | wc -w)))
+count() { echo "$*" | wc -w; }
+minutes_of() { case "$1" in table1-flow*) echo $((6 * $(count $seeds))) ;; *) echo 1 ;; esac; }
+left=3
+for study in $small $others $main; do left=$((left + $(minutes_of "$study"))); done
 began=$(date +%s)
 step() {  # step MINUTES TEXT: announces a step that takes about MINUTES
   echo
@@ -64,16 +71,12 @@ make_state() {  # make_state FILE SCENE [OPTION...]: runs the scene and keeps it
   mv "$made.work/final.h5" "$made"
   rm -rf "$made.work"
 }
-out=out/$study-$(date +%Y%m%d-%H%M%S)
-mkdir -p build/cache "$out"
-for seed in $seeds; do
+start_state() {  # start_state NAME SEED: the flowing silo beside its scene
+  name=$1 seed=$2
   # Filling and opening are kept apart, so that either can be used again; a key names all that a state comes from.
   filled=build/cache/$name-filled-$(key silo/scenes/$name-filled.toml "$seed").h5
   cached=build/cache/$name-flow-$(key silo/scenes/$name-filled.toml silo/scenes/$name-open.toml "$seed").h5
-  if [ -e "$cached" ]; then
-    step "$start_minutes" "Start state, seed $seed: cached"
-  else
-    step "$start_minutes" "Start state, seed $seed: fill and open the silo"
+  if [ ! -e "$cached" ]; then
     [ -e "$filled" ] || make_state "$filled" silo/scenes/$name-filled.toml --set "seed=$seed"
     make_state "$cached" silo/scenes/$name-open.toml --set "initial.state=\"$filled\""
   fi
@@ -89,16 +92,37 @@ for seed in $seeds; do
   [ "$seed" = 1 ] || beside=silo/scenes/$name-flow-seed$seed.h5
   cp "$cached" "$beside.part"
   mv "$beside.part" "$beside"
+}
+
+[ -n "$out" ] || out=out/$main-$(date +%Y%m%d-%H%M%S)
+mkdir -p build/cache "$out"
+echo "Results go to $out; should this be stopped, go on with --continue $out"
+
+step 1 "Start states"
+start_state mini 1
+case "$others" in *mini-statistics*) for seed in 2 3; do start_state mini $seed; done ;; esac
+case "$main" in table1*) for seed in $seeds; do start_state table1 $seed; done ;; esac
+
+studies=""
+for study in $main $small $others; do
+  step "$(minutes_of $study)" "Study: benchmarks/$study.toml"
+  jobs=1  # one at a time where clocks are compared
+  [ "$study" != stability ] || jobs=$(nproc)
+  "$program" study "benchmarks/$study.toml" --out "$out/$study" --jobs "$jobs"
+  studies="$studies${studies:+:}$out/$study"
 done
 
-step "$study_minutes" "Study: benchmarks/$study.toml"
-"$program" study "benchmarks/$study.toml" --out "$out/study"  # one thread: it is methods that are compared
-
 step 0 "Pictures and report"
-"$program" run "silo/scenes/$name-flow.toml" --out "$out/flow" --threads "$threads"
-/usr/bin/python3 benchmarks/report.py "$out/study" --run "$out/flow/run.h5" --out out/report
-cp "$out/study/study.csv" "$out/study/study.h5" out/report/
+flow=silo/scenes/${main%-starts}.toml
+[ "$main" != mini ] || flow=silo/scenes/mini-flow.toml
+rm -rf "$out/flow"
+"$program" run "$flow" --out "$out/flow" --threads "$threads"
+mkdir -p out/report
+GRAINCLOCK_STUDIES=$studies GRAINCLOCK_RUN=$out/flow/run.h5 PYDEVD_DISABLE_FILE_VALIDATION=1 \
+  /usr/bin/python3 -m nbconvert --to html --execute --no-input --HTMLExporter.mathjax_url= --HTMLExporter.require_js_url= \
+  --log-level WARN --output-dir out/report --output report notebooks/accuracy_versus_speed.ipynb
+cp "$out/$main/study.csv" "$out/$main/study.h5" "$out/$main"/*.png out/report/
 
 echo
-echo "Done in $(($(date +%s) - began)) s. Open out/report/report.html; the chart is out/report/chart.png,"
+echo "Done in $(($(date +%s) - began)) s. Open out/report/report.html; the main chart is out/report/accuracy.png,"
 echo "the numbers are in out/report/study.csv, all of it in $out."
