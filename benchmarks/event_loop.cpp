@@ -179,16 +179,16 @@ class EventLoop {
       if (system_.watched()) {
         WatchedPairs& watched = *system_.watched();
         watched.note_end(system_.motion_at(y_));
-        if (const std::optional<Found> change = first_change(time, reached)) {
-          stop_at(*change);
-          time = change->time;
-          continue;
-        }
+        const std::optional<Found> change = first_change(time, reached);
+        time = change ? change->time : reached;
+        if (change) stop_at(*change);
         watched.begin_step();
+        // After a change too: where they come thick and fast no step is ever finished.
         const Motion& motion = system_.motion_at(y_);
         if (watched.is_worn(motion)) watched.renew(motion);
+      } else {
+        time = reached;
       }
-      time = reached;
     }
     return std::move(result_);
   }
@@ -243,7 +243,6 @@ class EventLoop {
     result_.log.push_back({change.time, watched.id_of(pair.i), watched.id_of(pair.j), change.exit.kind});
     ++result_.restarts;
     watched.note_end(system_.motion_at(y_));
-    watched.begin_step();
     if (horizon_ > change.time) solver_.restart(change.time, y_, horizon_);
   }
 
