@@ -35,6 +35,7 @@ ContactSystem::ContactSystem(const core::State& start, const core::Materials& ma
     origin_.insert(origin_.end(), start.position[row].data(), start.position[row].data() + 3);
     start_velocity_.insert(start_velocity_.end(), start.velocity[row].data(), start.velocity[row].data() + 3);
   }
+  mean_diameter_ = 2.0 * radii / static_cast<double>(rows_.size());
   motion_ = {origin_, start_velocity_};
   length_ = kQuotientStep * 2.0 * radii / static_cast<double>(rows_.size());
   speed_ = length_ * std::sqrt(std::max(materials.ball.k, materials.wall.k) /

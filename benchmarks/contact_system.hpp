@@ -20,6 +20,7 @@ class ContactSystem {
   void watch(const core::State& start, const core::Materials& materials, bool outlet_open, double ahead,
              const Rounding& tolerance);
 
+  double mean_diameter() const { return mean_diameter_; }  // m, of the content
   std::size_t unknowns() const { return 2 * origin_.size(); }
   /// The start's unknowns; and a state's content from unknowns.
   void write_start(N_Vector y) const;
@@ -46,6 +47,7 @@ class ContactSystem {
   std::vector<double> origin_;          // m, x0
   std::vector<double> start_velocity_;  // m/s
   Motion motion_;                       // scratch; the fixed balls in it stay
+  double mean_diameter_;                // m
   double length_, speed_;               // m, m/s: steps of difference quotients
   std::exception_ptr failure_;
 };

@@ -37,14 +37,6 @@ double longest_step(const core::State& state, const core::Materials& materials) 
   return std::sqrt(lightest / std::max(materials.ball.k, materials.wall.k));
 }
 
-double mean_diameter(const core::State& state) {
-  double sum = 0.0;
-  for (std::size_t row = 0; row < state.size(); ++row) {
-    if (state.kind[row] == Kind::content) sum += 2.0 * state.radius[row];
-  }
-  return sum / static_cast<double>(state.count(Kind::content));
-}
-
 Context make_context() {
   SUNContext context = nullptr;
   if (SUNContext_Create(nullptr, &context) != 0) throw core::NumericsError("SUNDIALS: no context; free some memory");
@@ -72,8 +64,8 @@ ReferenceRun integrate(const ReferenceSettings& settings, const core::State& sta
                        double horizon) {
   check(settings, start, horizon);
   const double longest = longest_step(start, setup.materials);
-  const Rounding tolerance = absolute_tolerances(settings.rtol, mean_diameter(start), setup.gravity.norm());
   ContactSystem system(start, setup.materials, setup.gravity, setup.outlet_open, setup.threads);
+  const Rounding tolerance = absolute_tolerances(settings.rtol, system.mean_diameter(), setup.gravity.norm());
   if (settings.roots) {
     system.watch(start, setup.materials, setup.outlet_open, std::max(longest, settings.slow_step), tolerance);
   }

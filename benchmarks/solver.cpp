@@ -322,9 +322,10 @@ std::unique_ptr<Solver> make_solver(Scheme scheme, const SolverSetup& setup) {
     case Scheme::arkstep_imex:
       return make_implicit(slope<Part::springs, true>, slope<Part::dashpots, false>, jacobian_times<Part::dashpots, false>,
                            kMixedOrder, setup);
-    default:
+    case Scheme::mristep:
       return make_two_rates(setup);
   }
+  return nullptr;
 }
 
 }  // namespace grainclock::benchmarks

@@ -269,27 +269,62 @@ Numbers results(const GrowthPart& part, const StabilityPlan& plan) {
 
 // ---- tables ----
 
-/// A table that grows row by row.
-class TableMaker {
- public:
-  explicit TableMaker(std::string name) { table_.name = std::move(name); }
-  void add(std::string_view column, double value, std::string_view unit = {}) { add_value(column, value, unit); }
-  void add(std::string_view column, std::string_view value) { add_value(column, std::string(value), {}); }
-  Table table() && { return std::move(table_); }
-
- private:
-  template <class Value>
-  void add_value(std::string_view column, Value value, std::string_view unit) {
-    const auto found =
-        std::find_if(table_.columns.begin(), table_.columns.end(), [&](const TableColumn& c) { return c.name == column; });
-    TableColumn& its =
-        found != table_.columns.end()
-            ? *found
-            : table_.columns.emplace_back(TableColumn{std::string(column), std::string(unit), std::vector<Value>{}});
-    std::get<std::vector<Value>>(its.values).push_back(std::move(value));
-  }
-  Table table_;
+/// A row of table `stability`; steps over the undamped critical one.
+struct LimitRow {
+  LimitPart part;
+  double undamped_critical_step;  // s
+  double theory, bound, measured;
+  std::string failure;
 };
+/// A row of table `stability_map`.
+struct MapRow {
+  LimitPart part;
+  double step_ratio, growth, theory;
+};
+/// A row of table `growth`.
+struct GrowthRow {
+  GrowthPart part;
+  double step_ratio, step, rate;  // 1, s, 1/s
+  double exponent;
+  std::string failure;
+};
+
+/// The columns that say what a row of limits is about.
+template <class Row>
+std::vector<TableColumn> named_columns(const std::vector<Row>& rows) {
+  return {column(rows, "system", "", [](const Row& row) { return name(row.part.system); }),
+          column(rows, "integrator", "", [](const Row& row) { return name(row.part.integrator); }),
+          column(rows, "dashpot", "", [](const Row& row) { return name(row.part.dashpot); }),
+          column(rows, "damping_ratio", "", [](const Row& row) { return row.part.damping_ratio; })};
+}
+
+Table limits_table(const std::vector<LimitRow>& rows) {
+  Table table{"stability", named_columns(rows)};
+  table.columns.push_back(column(rows, "undamped_critical_step", "s", &LimitRow::undamped_critical_step));
+  table.columns.push_back(column(rows, "theory_limit", "", &LimitRow::theory));
+  table.columns.push_back(column(rows, "bound", "", &LimitRow::bound));
+  table.columns.push_back(column(rows, "measured_limit", "", &LimitRow::measured));
+  table.columns.push_back(column(rows, kFailure, "", &LimitRow::failure));
+  return table;
+}
+
+Table map_table(const std::vector<MapRow>& rows) {
+  Table table{"stability_map", named_columns(rows)};
+  table.columns.push_back(column(rows, "step_ratio", "", &MapRow::step_ratio));
+  table.columns.push_back(column(rows, "growth_per_step", "", &MapRow::growth));
+  table.columns.push_back(column(rows, "theory_growth", "", &MapRow::theory));
+  return table;
+}
+
+Table growth_table(const std::vector<GrowthRow>& rows) {
+  return {"growth",
+          {column(rows, "system", "", [](const GrowthRow&) { return name(SystemKind::chain); }),
+           column(rows, "ratio", "", [](const GrowthRow& row) { return row.part.ratio; }),
+           column(rows, "damping_ratio", "", [](const GrowthRow& row) { return row.part.damping_ratio; }),
+           column(rows, "step_ratio", "", &GrowthRow::step_ratio), column(rows, "step", "s", &GrowthRow::step),
+           column(rows, "growth_rate", "1/s", &GrowthRow::rate), column(rows, "exponent", "", &GrowthRow::exponent),
+           column(rows, kFailure, "", &GrowthRow::failure)}};
+}
 
 /// What a job's file says: numbers by name, or why there are none.
 class JobFile {
@@ -310,19 +345,6 @@ class JobFile {
   core::Hdf5File file_;
   std::string failure_;
 };
-
-const std::vector<double>& numbers(const Table& table, std::string_view column) {
-  for (const TableColumn& c : table.columns) {
-    if (c.name == column) return std::get<std::vector<double>>(c.values);
-  }
-  throw core::InputError(fmt::format("table {} has no column {}", table.name, column));
-}
-const std::vector<std::string>& texts(const Table& table, std::string_view column) {
-  for (const TableColumn& c : table.columns) {
-    if (c.name == column) return std::get<std::vector<std::string>>(c.values);
-  }
-  throw core::InputError(fmt::format("table {} has no column {}", table.name, column));
-}
 
 class StabilityStudy final : public StudyKind {
  public:
@@ -352,11 +374,11 @@ class StabilityStudy final : public StudyKind {
   }
 
   std::vector<Table> tables(const std::map<std::string, std::filesystem::path>& files) const override {
-    TableMaker limits("stability"), map("stability_map"), growth("growth");
+    std::vector<LimitRow> limits;
+    std::vector<MapRow> map;
+    std::vector<GrowthRow> growth;
     for (const Part& part : parts_) {
-      const auto found = files.find(job_of(part, plan_).id);
-      if (found == files.end()) continue;
-      const JobFile file(found->second);
+      const JobFile file(files.at(job_of(part, plan_).id));
       if (const auto* limit = std::get_if<LimitPart>(&part)) {
         add_limit(limits, *limit, file);
         add_map(map, *limit, file);
@@ -364,11 +386,8 @@ class StabilityStudy final : public StudyKind {
         add_growth(growth, std::get<GrowthPart>(part), file);
       }
     }
-    std::vector<Table> out;
-    for (TableMaker* maker : {&limits, &map, &growth}) {
-      Table table = std::move(*maker).table();
-      if (!table.columns.empty()) out.push_back(std::move(table));
-    }
+    std::vector<Table> out{limits_table(limits), map_table(map)};
+    if (!growth.empty()) out.push_back(growth_table(growth));
     return out;
   }
 
@@ -384,44 +403,24 @@ class StabilityStudy final : public StudyKind {
   }
 
  private:
-  static void add_names(TableMaker& table, const LimitPart& part) {
-    table.add("system", name(part.system));
-    table.add("integrator", name(part.integrator));
-    table.add("dashpot", name(part.dashpot));
-    table.add("damping_ratio", part.damping_ratio);
+  static void add_limit(std::vector<LimitRow>& rows, const LimitPart& part, const JobFile& file) {
+    const auto number = [&](const char* name) { return file.numbers(name, 1)[0]; };
+    rows.push_back({part, number("undamped_critical_step"), number("theory_limit"), number("bound"),
+                    number("measured_limit"), file.failure()});
   }
 
-  static void add_limit(TableMaker& table, const LimitPart& part, const JobFile& file) {
-    add_names(table, part);
-    table.add("undamped_critical_step", file.numbers("undamped_critical_step", 1)[0], "s");
-    for (const char* column : {"theory_limit", "bound", "measured_limit"}) table.add(column, file.numbers(column, 1)[0]);
-    table.add(kFailure, file.failure());
-  }
-
-  void add_map(TableMaker& table, const LimitPart& part, const JobFile& file) const {
+  void add_map(std::vector<MapRow>& rows, const LimitPart& part, const JobFile& file) const {
     const std::size_t n = plan_.step_ratios.size();
     const std::vector<double> measured = file.numbers("growth_per_step", n), theory = file.numbers("theory_growth", n);
-    for (std::size_t i = 0; i < n; ++i) {
-      add_names(table, part);
-      table.add("step_ratio", plan_.step_ratios[i]);
-      table.add("growth_per_step", measured[i]);
-      table.add("theory_growth", theory[i]);
-    }
+    for (std::size_t i = 0; i < n; ++i) rows.push_back({part, plan_.step_ratios[i], measured[i], theory[i]});
   }
 
-  void add_growth(TableMaker& table, const GrowthPart& part, const JobFile& file) const {
-    const std::size_t n = plan_.growth.step_ratios.size();
-    const std::vector<double> step = file.numbers("step", n), rate = file.numbers("growth_rate", n),
-                              fit = file.numbers("exponent", n);
-    for (std::size_t i = 0; i < n; ++i) {
-      table.add("system", name(SystemKind::chain));
-      table.add("ratio", part.ratio);
-      table.add("damping_ratio", part.damping_ratio);
-      table.add("step_ratio", plan_.growth.step_ratios[i]);
-      table.add("step", step[i], "s");
-      table.add("growth_rate", rate[i], "1/s");
-      table.add("exponent", fit[i]);
-      table.add(kFailure, file.failure());
+  void add_growth(std::vector<GrowthRow>& rows, const GrowthPart& part, const JobFile& file) const {
+    const std::vector<double>& ratios = plan_.growth.step_ratios;
+    const std::vector<double> step = file.numbers("step", ratios.size()), rate = file.numbers("growth_rate", ratios.size()),
+                              fit = file.numbers("exponent", ratios.size());
+    for (std::size_t i = 0; i < ratios.size(); ++i) {
+      rows.push_back({part, ratios[i], step[i], rate[i], fit[i], file.failure()});
     }
   }
 

@@ -1,14 +1,11 @@
 #include "benchmarks/statistics_run.hpp"
 
+#include "benchmarks/first_phase.hpp"
 #include "benchmarks/statistics.hpp"
 #include "core/check.hpp"
-#include "core/files.hpp"
-#include "core/hdf5.hpp"
 #include "multirate/stepper.hpp"
 #include "silo/measures.hpp"
 #include "silo/observables.hpp"
-#include "silo/phases.hpp"
-#include "silo/provenance.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -21,33 +18,7 @@ namespace {
 using Numbers = std::vector<double>;
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-constexpr const char* kGroup = "job";
-
-struct Writer {
-  core::Hdf5Group group;
-  void operator()(const char* name, const char*, const std::string& text) { group.write_text(name, text); }
-  void operator()(const char* name, const char* unit, const Numbers& numbers) {
-    group.write(name, numbers);
-    if (*unit) group.write_attribute(name, "unit", std::string(unit));
-  }
-  template <class Number>
-  void operator()(const char* name, const char* unit, const Number& number) {
-    group.write(name, std::vector{number}, {});
-    if (*unit) group.write_attribute(name, "unit", std::string(unit));
-  }
-};
-
-struct Reader {
-  core::Hdf5Group group;
-  void operator()(const char* name, const char*, std::string& text) { text = group.read_text(name); }
-  void operator()(const char* name, const char*, Numbers& numbers) { numbers = group.read<double>(name); }
-  template <class Number>
-  void operator()(const char* name, const char*, Number& number) {
-    number = group.read<Number>(name).at(0);
-  }
-};
-
-/// One list of fields for writing and reading. Changing it needs a new kFormat in statistics_study.cpp.
+/// Changing this list needs a new kFormat in statistics_study.cpp.
 template <class Access, class Run>
 void each_field(Access& access, Run& run) {
   access("status", "", run.status);
@@ -84,10 +55,7 @@ void sample(LongRun& run, const core::Stepper& stepper, const core::State& start
 
 LongRun run_long(const core::Scene& scene, const core::State& start, const core::Stepping& stepping,
                  const Sampling& sampling, int threads) {
-  core::Phase phase = scene.phases.front();
-  phase.stepping = stepping;
-  phase.every = sampling.every;
-  const core::StepperSetup setup = silo::phase_setup(scene, phase, start, threads);
+  const core::StepperSetup setup = first_phase_setup(scene, start, stepping, sampling.every, threads);
   const auto stepper = multirate::make_stepper(start, setup);
   const std::int64_t steps = core::step_for(sampling.every, stepper->step()).n;
   const std::int64_t samples = std::llround(sampling.duration / sampling.every);
@@ -98,8 +66,7 @@ LongRun run_long(const core::Scene& scene, const core::State& start, const core:
   LongRun run;
   run.momentum_residual = run.energy_residual = kUnknown;
   run.step = *setup.stepping.step;
-  const bool is_selective = setup.stepping.method == core::Method::multirate && stepper->level_statistics().step.size() > 1;
-  run.method_used = core::name(is_selective ? core::Method::multirate : core::Method::uniform);
+  run.method_used = method_used(stepping, stepper->level_statistics());
   if (layers) {
     run.layer_edges = silo::edges(*layers);
     run.wall_area = silo::wall_area_by_layer(start, *layers);
@@ -124,25 +91,13 @@ LongRun run_long(const core::Scene& scene, const core::State& start, const core:
   return run;
 }
 
-void write_long_run(const std::filesystem::path& path, const LongRun& run, const core::Scene& scene, int threads) {
-  core::AsideFile aside(path);
-  core::Hdf5File file = core::Hdf5File::create(aside.part());
-  {
-    Writer writer{file.create_group(kGroup)};
-    each_field(writer, run);
-  }
-  silo::write_provenance(file, threads, scene.seed, scene.text);
-  file.close();
-  aside.commit();
+void write_long_run(const std::filesystem::path& path, const LongRun& run, const JobOrigin& origin) {
+  write_job_file(path, origin, [&](FieldWriter& writer) { each_field(writer, run); });
 }
 
 LongRun read_long_run(const std::filesystem::path& path) {
-  const core::Hdf5File file = core::Hdf5File::open(path);
-  Reader reader{file.group(kGroup)};
   LongRun run;
-  each_field(reader, run);
-  const std::string host = file.group("provenance").read_text("host");
-  run.host = host.substr(0, host.find(' '));  // the rest is its system
+  run.made_by = read_job_file(path, [&](FieldReader& reader) { each_field(reader, run); });
   return run;
 }
 

@@ -1,8 +1,7 @@
 // One long run of a study of statistics: its time series, the file that keeps them, and the measures read off them.
 #pragma once
 
-#include "core/scene.hpp"
-#include "core/state.hpp"
+#include "benchmarks/job_file.hpp"
 #include "core/stepper.hpp"
 
 #include <compare>
@@ -29,7 +28,7 @@ struct LongRun {
   core::Costs costs;
   double momentum_residual = 0.0, energy_residual = 0.0;  // nan if the run failed
   double wall_s = 0.0;                                    // of the stepping alone
-  std::string host;                                       // read from a file only: where it ran
+  JobMaker made_by;                                       // read from a file only
 
   // A value per sample, the start's first.
   std::vector<double> time;            // s, since the start
@@ -48,8 +47,8 @@ struct LongRun {
 LongRun run_long(const core::Scene& scene, const core::State& start, const core::Stepping& stepping,
                  const Sampling& sampling, int threads);
 
-/// The run as HDF5 (/job), aside and renamed, with its provenance. Throws FileError.
-void write_long_run(const std::filesystem::path& path, const LongRun& run, const core::Scene& scene, int threads);
+/// Throws FileError.
+void write_long_run(const std::filesystem::path& path, const LongRun& run, const JobOrigin& origin);
 /// Throws FileError where the file is missing or damaged.
 LongRun read_long_run(const std::filesystem::path& path);
 

@@ -1,10 +1,9 @@
 #include "benchmarks/statistics_study.hpp"
 
+#include "benchmarks/first_phase.hpp"
 #include "benchmarks/jobs.hpp"
 #include "benchmarks/statistics.hpp"
 #include "benchmarks/statistics_run.hpp"
-#include "benchmarks/study_plan.hpp"
-#include "benchmarks/trajectories_run.hpp"
 #include "core/check.hpp"
 #include "core/files.hpp"
 #include "core/snapshot.hpp"
@@ -13,7 +12,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <set>
 
@@ -88,9 +86,7 @@ Plan read_plan(const std::string& path) {
   const toml::table root = parse_study(plan.text, path);
   TomlKeys keys(root, "", path);
   keys.allow("kind");  // read by make_study()
-  const auto scene = keys.string("scene");
-  keys.require(scene.has_value(), "scene", "give the scene whose first phase is run");
-  plan.scene = file_of_study(*scene, path, keys.where("scene"));
+  plan.scene = read_scene_path(keys, path);
   plan.starts = read_starts(keys, root, path);
   read_times(keys, plan);
   const auto baseline = keys.string("baseline");
@@ -104,27 +100,6 @@ Plan read_plan(const std::string& path) {
   keys.require(std::find(names.begin(), names.end(), plan.baseline) != names.end(), "baseline",
                fmt::format("is no method here; there are \"{}\"", fmt::join(names, "\", \"")));
   return plan;
-}
-
-/// All of the scene that a run depends on, but the state.
-std::string physics_text(const core::Scene& scene) {
-  const core::Phase& phase = scene.phases.front();
-  const auto& [density, ball, wall, tension, cohesion] = phase.materials;  // a new member stops the compiler here
-  const auto vector = [](const core::Vec3& v) { return fmt::format("{} {} {}", v[0], v[1], v[2]); };
-  const auto& [outlet_z, lower, upper] = scene.domain;
-  return fmt::format("gravity {}\nmaterials {} {} {} {} {} {} {}\noutlet {} {}\nbox {} {}\nfirst impact {}\n",
-                     vector(scene.gravity), density, ball.k, ball.c, wall.k, wall.c, tension, cohesion, phase.outlet_open,
-                     outlet_z.value_or(kUnknown), lower ? vector(*lower) : "none", upper ? vector(*upper) : "none",
-                     phase.first_impact);
-}
-
-/// Contact sweeps that a run may take times its balls, for the estimate of the remaining time only.
-double expected_work(const Point& point, const StartState& start, double duration) {
-  constexpr double kSelective = 4.0, kDefaultStep = 2e-4;  // coarse: seen on the Table 1 silo
-  const core::Stepping& s = point.stepping;
-  const double steps = duration / s.step.value_or(kDefaultStep);
-  return steps * (s.method == core::Method::multirate ? kSelective : 1.0) *
-         static_cast<double>(start.state.count(core::Kind::content));
 }
 
 /// A row of table `statistics_runs`.
@@ -148,14 +123,6 @@ struct SummaryRow {
   double agrees = kUnknown;  // 1, 0, or not known
   double contact_evaluations = kUnknown, wall_s = kUnknown;
 };
-
-/// A column of what `cell` gives of each row: double or std::string.
-template <class Row, class Cell>
-TableColumn column(const std::vector<Row>& rows, std::string its_name, std::string its_unit, Cell cell) {
-  std::vector<std::decay_t<std::invoke_result_t<Cell, const Row&>>> values;
-  for (const Row& row : rows) values.push_back(cell(row));
-  return {std::move(its_name), std::move(its_unit), std::move(values)};
-}
 
 /// The columns that say what a row measures, of a table with layers of this height [m].
 template <class Row>
@@ -192,7 +159,7 @@ Table runs_table(const std::vector<RunRow>& rows) {
            column(rows, "momentum_residual", "", [](const Row& row) { return row.run.momentum_residual; }),
            column(rows, "energy_residual", "", [](const Row& row) { return row.run.energy_residual; }),
            column(rows, "wall_s", "s", [](const Row& row) { return row.run.wall_s; }),
-           column(rows, "host", "", [](const Row& row) { return row.run.host; })}};
+           column(rows, "host", "", [](const Row& row) { return row.run.made_by.host; })}};
 }
 
 Table values_table(const std::vector<ValueRow>& rows, double layer) {
@@ -286,8 +253,8 @@ class StatisticsStudy : public StudyKind {
           path, start, same->second);
     }
     // Key combinations that a stepper does not offer show now, not after an hour.
-    const Runner runner(scene_, plan_.sampling.every, threads_);
-    for (const Point& method : plan_.methods) runner.require_offered(starts_.front(), method);
+    for (const Point& method : plan_.methods)
+      require_offered(scene_, starts_.front(), method, plan_.sampling.every, threads_);
     add_jobs();
   }
 
@@ -299,7 +266,7 @@ class StatisticsStudy : public StudyKind {
     const auto index = static_cast<std::size_t>(at);
     const StartState& start = starts_.at(index / plan_.methods.size());
     const Point& method = plan_.methods.at(index % plan_.methods.size());
-    write_long_run(file, run_long(scene_, start.state, method.stepping, plan_.sampling, threads_), scene_, threads_);
+    write_long_run(file, run_long(scene_, start.state, method.stepping, plan_.sampling, threads_), {scene_, threads_});
   }
 
   std::vector<Table> tables(const Files& files) const override {
@@ -350,12 +317,12 @@ class StatisticsStudy : public StudyKind {
         const Sampling& s = plan_.sampling;
         const std::string depends_on =
             fmt::format("statistics, format {}\nversion {}\n{}start {:016x}\nduration {} every {} layer {}\n{}\n", kFormat,
-                        silo::version(), physics_text(scene_), core::checksum(start.state), s.duration, s.every, s.layer,
+                        silo::version(), scene_text(scene_), core::checksum(start.state), s.duration, s.every, s.layer,
                         keys_text(method));
         Job job;
         job.id = job_id(fmt::format("{} {} {}", start.name, made_name(method), knob_text(method)), depends_on);
         job.label = fmt::format("{}: {}", start.name, method.name);
-        job.work = expected_work(method, start, s.duration);
+        job.work = expected_sweeps(method, s.duration) * static_cast<double>(start.state.count(core::Kind::content));
         GC_REQUIRE(ids.insert(job.id).second, "{}: [[method]] \"{}\" steps exactly as another one; remove one of the two",
                    plan_.path, method.name);
         jobs_.push_back(std::move(job));
@@ -378,7 +345,7 @@ class StatisticsStudy : public StudyKind {
 
   void add_disagreement(const Table& summary, const std::string& method, Texts& said) const {
     const Texts& methods = texts(summary, "method");
-    const Numbers& agrees = std::get<Numbers>(column_of(summary, "agrees").values);
+    const Numbers& agrees = numbers(summary, "agrees");
     std::size_t compared = 0, apart = 0;
     for (std::size_t row = 0; row < methods.size(); ++row) {
       if (methods[row] != method || std::isnan(agrees[row])) continue;
@@ -389,14 +356,6 @@ class StatisticsStudy : public StudyKind {
     said.push_back(fmt::format(
         "{}: {} of {} measures differ from {} by more than the starts' 95 % interval; by chance alone one in twenty would",
         method, apart, compared, plan_.baseline));
-  }
-
-  static const TableColumn& column_of(const Table& table, std::string_view wanted) {
-    return *std::find_if(table.columns.begin(), table.columns.end(),
-                         [=](const TableColumn& one) { return one.name == wanted; });
-  }
-  static const Texts& texts(const Table& table, std::string_view wanted) {
-    return std::get<Texts>(column_of(table, wanted).values);
   }
 
   Plan plan_;

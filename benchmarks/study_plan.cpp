@@ -84,6 +84,12 @@ Point read_integration(TomlKeys& keys, std::string_view default_method) {
   return point;
 }
 
+int read_repeat(TomlKeys& keys, int otherwise) {
+  const std::int64_t repeat = keys.integer("repeat").value_or(otherwise);
+  keys.require(repeat >= 1 && repeat <= 1000, "repeat", "must be 1 to 1000");
+  return static_cast<int>(repeat);
+}
+
 Point read_point(TomlKeys keys, int repeat) {
   const auto name = keys.string("name");
   Point point = read_integration(keys, "multirate");
@@ -213,6 +219,15 @@ std::string keys_text(const Point& point) {
   return text;
 }
 
+double expected_sweeps(const Point& point, double duration) {
+  constexpr double kSelective = 4.0, kDefaultStep = 2e-4, kSundials = 2e4;  // coarse: seen on the Table 1 silo
+  if (point.sundials) return kSundials;
+  const Stepping& s = point.stepping;
+  const double steps = duration / s.step.value_or(kDefaultStep);
+  return steps * (s.method == core::Method::multirate ? kSelective : 1.0) *
+         (s.integrator == core::Integrator::pece ? 2.0 : 1.0);
+}
+
 Point coarser(const Point& reference) {
   Point point = reference;
   point.name = "reference_check";
@@ -242,6 +257,12 @@ std::string file_of_study(const std::string& file, const std::string& study_path
       fmt::format("{}: there is no file '{}', neither beside the study nor in the working directory", where, file));
 }
 
+std::string read_scene_path(TomlKeys& keys, const std::string& path) {
+  const auto scene = keys.string("scene");
+  keys.require(scene.has_value(), "scene", "give the scene whose first phase is studied");
+  return file_of_study(*scene, path, keys.where("scene"));
+}
+
 std::vector<std::string> read_starts(TomlKeys& keys, const toml::table& root, const std::string& path) {
   keys.allow("start");
   const toml::node* node = root.get("start");
@@ -259,12 +280,6 @@ std::vector<std::string> read_starts(TomlKeys& keys, const toml::table& root, co
     add(*node);
   }
   return starts;
-}
-
-int read_repeat(TomlKeys& keys, int otherwise) {
-  const std::int64_t repeat = keys.integer("repeat").value_or(otherwise);
-  keys.require(repeat >= 1 && repeat <= 1000, "repeat", "must be 1 to 1000");
-  return static_cast<int>(repeat);
 }
 
 std::vector<Point> read_methods(const std::string& text, const std::string& path, int repeat) {
@@ -287,9 +302,7 @@ Study read_study(const std::string& path) {
   TomlKeys keys(root, "", path);
 
   keys.allow("kind");  // read by make_study()
-  const auto scene = keys.string("scene");
-  keys.require(scene.has_value(), "scene", "give the scene whose first phase is studied");
-  study.scene = file_of_study(*scene, path, keys.where("scene"));
+  study.scene = read_scene_path(keys, path);
   study.starts = read_starts(keys, root, path);
   const auto horizon = keys.positive("horizon", "s");
   keys.require(horizon.has_value(), "horizon", "give the time in s over which errors are taken");
@@ -301,6 +314,13 @@ Study read_study(const std::string& path) {
   keys.finish();
   study.points = read_methods(study.text, path, repeat);
   return study;
+}
+
+std::string scene_text(const core::Scene& scene) {
+  std::string text = scene.text;
+  const std::size_t begin = text.find("\n[initial]\n");
+  if (begin != std::string::npos) text.erase(begin, text.find("\n[", begin + 1) - begin);
+  return text;
 }
 
 }  // namespace grainclock::benchmarks

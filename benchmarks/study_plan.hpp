@@ -31,7 +31,9 @@ std::string knob_text(const Point& point);
 std::string made_name(const Point& point);
 /// Every key that the result depends on, defaults too, as text: equal texts give equal results.
 std::string keys_text(const Point& point);
-/// The same at twice the step, and at 10 times the rtol: how far a reference is from being converged.
+/// Contact sweeps that this point may take over `duration` [s]; coarse, for the estimate of the remaining time only.
+double expected_sweeps(const Point& point, double duration);
+/// The same point at twice the step, and at 10 times the rtol: how far a reference is from being converged.
 Point coarser(const Point& reference);
 
 /// Growth of a tiny perturbation: the [divergence] table.
@@ -60,14 +62,18 @@ Study read_study(const std::string& path);
 
 // What every kind of study reads the same way; `text` is the whole file `path`. All throw as read_study() does.
 
+/// The file as TOML.
 toml::table parse_study(const std::string& text, const std::string& path);
 /// The file that the study names: beside it, or else in the working directory. `where` for the message.
 std::string file_of_study(const std::string& file, const std::string& study_path, const std::string& where);
+/// The scene of the key `scene`.
+std::string read_scene_path(core::TomlKeys& keys, const std::string& path);
 /// The state files of the key `start`.
 std::vector<std::string> read_starts(core::TomlKeys& keys, const toml::table& root, const std::string& path);
 /// All points of the [[method]] tables, the last key (in alphabetical order) running fastest.
 std::vector<Point> read_methods(const std::string& text, const std::string& path, int repeat);
-/// The key `repeat`.
-int read_repeat(core::TomlKeys& keys, int otherwise);
+
+/// What of a scene a job's result may depend on: its resolved text, but for the initial state, since a study brings its own.
+std::string scene_text(const core::Scene& scene);
 
 }  // namespace grainclock::benchmarks

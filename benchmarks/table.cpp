@@ -1,10 +1,9 @@
 #include "benchmarks/table.hpp"
 
+#include "core/check.hpp"
 #include "core/files.hpp"
 #include "core/hdf5.hpp"
 #include "silo/provenance.hpp"
-
-#include <fmt/format.h>
 
 #include <cmath>
 
@@ -29,13 +28,26 @@ std::size_t length(const TableColumn& column) {
   return std::visit([](const auto& values) { return values.size(); }, column.values);
 }
 
-std::string cell(const TableColumn& column, std::size_t row) {
+std::string text_of(const TableColumn& column, std::size_t row) {
   if (const auto* texts = std::get_if<Texts>(&column.values)) return quoted((*texts)[row]);
   const double number = std::get<Numbers>(column.values)[row];
   return std::isnan(number) ? "" : fmt::format("{}", number);
 }
 
+template <class Values>
+const Values& values_of(const Table& table, std::string_view column) {
+  for (const TableColumn& one : table.columns) {
+    if (one.name != column) continue;
+    if (const auto* values = std::get_if<Values>(&one.values)) return *values;
+  }
+  throw core::InputError(fmt::format("table {} has no column {} of {}; see its header", table.name, column,
+                                     std::is_same_v<Values, Texts> ? "texts" : "numbers"));
+}
+
 }  // namespace
+
+const Numbers& numbers(const Table& table, std::string_view column) { return values_of<Numbers>(table, column); }
+const Texts& texts(const Table& table, std::string_view column) { return values_of<Texts>(table, column); }
 
 std::string csv(const Table& table) {
   std::string text;
@@ -49,7 +61,7 @@ std::string csv(const Table& table) {
   add_line([](const TableColumn& column) { return quoted(column.name); });
   const std::size_t rows = table.columns.empty() ? 0 : length(table.columns.front());
   for (std::size_t row = 0; row < rows; ++row) {
-    add_line([row](const TableColumn& column) { return cell(column, row); });
+    add_line([row](const TableColumn& column) { return text_of(column, row); });
   }
   return text;
 }

@@ -25,7 +25,7 @@ template <class Member>
 std::string all_of(const std::vector<Outcome>& outcomes, Member member) {
   std::vector<std::string> seen;
   for (const Outcome& outcome : outcomes) {
-    const std::string text = fmt::format("{}", outcome.*member);
+    const std::string text = fmt::format("{}", outcome.made_by.*member);
     if (std::find(seen.begin(), seen.end(), text) == seen.end()) seen.push_back(text);
   }
   std::sort(seen.begin(), seen.end());
@@ -57,9 +57,9 @@ Row described(const PointRuns& runs) {
       row.levels = s.levels;
     }
   }
-  row.host = all_of(runs.outcomes, &Outcome::host);
-  row.threads = all_of(runs.outcomes, &Outcome::threads);
-  row.revision = all_of(runs.outcomes, &Outcome::revision);
+  row.host = all_of(runs.outcomes, &JobMaker::host);
+  row.threads = all_of(runs.outcomes, &JobMaker::threads);
+  row.revision = all_of(runs.outcomes, &JobMaker::revision);
   row.status = outcome.status;
   return row;
 }
@@ -80,7 +80,7 @@ void add_costs(Row& row, const PointRuns& runs) {
   }
   std::vector<double> clock;
   for (const Outcome& one : runs.outcomes) {
-    if (one.ok()) clock.push_back(one.wall_s);
+    if (one.is_ok()) clock.push_back(one.wall_s);
   }
   row.wall_s = quantile(clock, 0.5);
 }
@@ -97,10 +97,12 @@ void add_errors(Row& row, const Outcome& outcome, const StartRuns& runs, std::op
   if (!std::isfinite(errors.position.rms)) row.status = "failed: positions are not finite";
 }
 
-/// Contact evaluations of one sweep over all pairs.
+/// Contact evaluations of one sweep over all pairs: what a step of a uniform reference takes, pece's two evaluations apart.
 double per_sweep(const PointRuns& reference) {
   const Outcome& outcome = reference.outcomes.front();
-  if (reference.point.sundials) return outcome.levels.listed;
+  const core::Stepping& s = reference.point.stepping;
+  const bool sweeps_once = s.method == core::Method::uniform && s.integrator != core::Integrator::pece;
+  if (reference.point.sundials || !sweeps_once) return outcome.levels.listed;
   return number(outcome.costs.contact_evaluations) / number(outcome.steps);
 }
 
@@ -109,7 +111,7 @@ Row measured(const PointRuns& point, const StartRuns& runs, std::optional<double
   Row row = described(point);
   row.start = runs.start.name;
   const Outcome& outcome = point.outcomes.front();
-  if (!outcome.ok()) return row;
+  if (!outcome.is_ok()) return row;
   add_costs(row, point);
   row.sweeps = *row.contact_evaluations / per_sweep(runs.reference);
   row.momentum_residual = outcome.momentum_residual;

@@ -1,15 +1,10 @@
 #include "benchmarks/trajectories_run.hpp"
 
+#include "benchmarks/divergence.hpp"
 #include "core/check.hpp"
-#include "core/snapshot.hpp"
 #include "multirate/stepper.hpp"
-#include "silo/phases.hpp"
 
-#include <algorithm>
 #include <chrono>
-#include <cmath>
-#include <limits>
-#include <memory>
 
 namespace grainclock::benchmarks {
 namespace {
@@ -17,17 +12,7 @@ namespace {
 using core::State;
 using core::Stepping;
 
-/// Wall forces are compared by layers this many mean diameters thick.
-constexpr double kLayerDiameters = 2.0;
 constexpr std::uint64_t kPerturbationSeed = 1;
-
-double mean_diameter(const State& state) {
-  double sum = 0.0;
-  for (std::size_t row = 0; row < state.size(); ++row) {
-    if (state.kind[row] == core::Kind::content) sum += 2.0 * state.radius[row];
-  }
-  return sum / static_cast<double>(std::max<std::size_t>(1, state.count(core::Kind::content)));
-}
 
 /// Evaluations saved by an ideal scheme with this run's levels: all contacts at the finest step over each at its own.
 std::optional<double> ideal_gain(const core::LevelStatistics& levels) {
@@ -40,19 +25,6 @@ std::optional<double> ideal_gain(const core::LevelStatistics& levels) {
   }
   if (weighted == 0.0) return std::nullopt;
   return all / weighted;
-}
-
-/// Layers about kLayerDiameters thick over the height of the wall; nothing without a wall.
-std::optional<silo::Layers> wall_layers(const State& state) {
-  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
-  for (std::size_t row = 0; row < state.size(); ++row) {
-    if (state.kind[row] != core::Kind::wall) continue;
-    lowest = std::min(lowest, state.position[row].z());
-    highest = std::max(highest, state.position[row].z());
-  }
-  if (!(lowest < highest)) return std::nullopt;
-  const double layers = (highest - lowest) / (kLayerDiameters * mean_diameter(state));
-  return silo::Layers{lowest, highest, std::max(1, static_cast<int>(std::lround(layers)))};
 }
 
 /// Horizontal force on the wall by layer [N].
@@ -73,53 +45,13 @@ State content_of(const State& state) {
   return content;
 }
 
-/// The setup of the scene's first phase at this stepping; the step is a whole fraction of `every` [s].
-core::StepperSetup setup_of(const core::Scene& scene, const State& state, const Stepping& stepping, double every,
-                            int threads) {
-  core::Phase phase = scene.phases.front();
-  phase.stepping = stepping;
-  phase.every = every;
-  return silo::phase_setup(scene, phase, state, threads);
-}
-
-}  // namespace
-
-StartState read_start(const std::string& path) {
-  StartState start;
-  start.name = std::filesystem::path(path).stem().string();
-  start.state = silo::fresh(core::read_state(path));
-  start.layers = wall_layers(start.state);
-  return start;
-}
-
-core::StepperSetup Runner::setup(const State& state, const Stepping& stepping) const {
-  return setup_of(scene_, state, stepping, horizon_, threads_);
-}
-
-void Runner::require_offered(const StartState& start, const Point& point) const {
-  if (point.sundials) return;
-  GC_REQUIRE(start.state.count(core::Kind::content) > 0, "{}: the start state has no content balls; nothing would move",
-             start.name);
-  const State content = content_of(start.state);
-  const auto highest = std::max_element(content.position.begin(), content.position.end(),
-                                        [](const core::Vec3& a, const core::Vec3& b) { return a.z() < b.z(); });
-  const auto row = static_cast<std::size_t>(highest - content.position.begin());
-  State one;  // ball: what a stepper says about its keys does not depend on the rest
-  one.add(content.id[row], core::Kind::content, content.position[row], content.velocity[row], content.radius[row]);
-  (void)multirate::make_stepper(one, setup(one, point.stepping));
-}
-
-Outcome Runner::run(const StartState& start, const Point& point) const {
-  return point.sundials ? integrate(start, *point.sundials) : step(start, point.stepping);
-}
-
 /// The stepper's construction (lists, first forces) is outside the clock.
-Outcome Runner::step(const StartState& start, const Stepping& stepping) const {
-  const core::StepperSetup made = setup(start.state, stepping);
+Outcome step(const core::Scene& scene, const StartState& start, const Stepping& stepping, double horizon, int threads) {
+  const core::StepperSetup made = first_phase_setup(scene, start.state, stepping, horizon, threads);
   Outcome outcome;
   outcome.step = *made.stepping.step;
   const auto stepper = multirate::make_stepper(start.state, made);
-  const std::int64_t n = core::step_for(horizon_, stepper->step()).n;
+  const std::int64_t n = core::step_for(horizon, stepper->step()).n;
   const core::Energies before = stepper->energies();
   try {
     const auto begin = std::chrono::steady_clock::now();
@@ -137,20 +69,19 @@ Outcome Runner::step(const StartState& start, const Stepping& stepping) const {
   outcome.energy_residual = core::energy_residual(before, stepper->energies(), stepper->ledger());
   outcome.levels = stepper->level_statistics();
   outcome.ideal_gain = ideal_gain(outcome.levels);
-  const bool selective = stepping.method == core::Method::multirate && outcome.levels.step.size() > 1;
-  outcome.method_used = core::name(selective ? core::Method::multirate : core::Method::uniform);
+  outcome.method_used = method_used(stepping, outcome.levels);
   return outcome;
 }
 
-Outcome Runner::integrate(const StartState& start, const ReferenceSettings& settings) const {
+Outcome integrate(const core::Scene& scene, const StartState& start, const Point& point, double horizon, int threads) {
   Stepping stepping;
   stepping.method = core::Method::uniform;
-  stepping.step = horizon_;
-  const core::StepperSetup made = setup(start.state, stepping);
+  stepping.step = horizon;
+  const core::StepperSetup made = first_phase_setup(scene, start.state, stepping, horizon, threads);
   Outcome outcome;
-  outcome.method_used = method_name(Point{.name = {}, .sundials = settings, .stepping = {}});
+  outcome.method_used = method_name(point);
   try {
-    const ReferenceRun run = benchmarks::integrate(settings, start.state, made, horizon_);
+    const ReferenceRun run = benchmarks::integrate(*point.sundials, start.state, made, horizon);
     outcome.end = content_of(run.end);
     outcome.wall_s = run.wall_s;
     outcome.costs.contact_evaluations = run.contact_evaluations;
@@ -167,6 +98,13 @@ Outcome Runner::integrate(const StartState& start, const ReferenceSettings& sett
   return outcome;
 }
 
+}  // namespace
+
+Outcome run_point(const core::Scene& scene, const StartState& start, const Point& point, double horizon, int threads) {
+  return point.sundials ? integrate(scene, start, point, horizon, threads)
+                        : step(scene, start, point.stepping, horizon, threads);
+}
+
 DivergenceSeries run_divergence(const core::Scene& scene, const StartState& start, const Divergence& divergence,
                                 int threads) {
   Stepping stepping;
@@ -174,7 +112,7 @@ DivergenceSeries run_divergence(const core::Scene& scene, const StartState& star
   stepping.step = divergence.step;
   const double every = divergence.horizon / divergence.samples;
   const auto stepper_of = [&](const State& state) {
-    return multirate::make_stepper(state, setup_of(scene, state, stepping, every, threads));
+    return multirate::make_stepper(state, first_phase_setup(scene, state, stepping, every, threads));
   };
   const State other = perturbed(start.state, divergence.perturbation, kPerturbationSeed);
   const auto one = stepper_of(start.state), two = stepper_of(other);

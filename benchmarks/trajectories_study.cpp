@@ -1,5 +1,6 @@
 #include "benchmarks/trajectories_study.hpp"
 
+#include "benchmarks/divergence.hpp"
 #include "benchmarks/jobs.hpp"
 #include "benchmarks/trajectories_rows.hpp"
 #include "core/check.hpp"
@@ -8,6 +9,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <optional>
 #include <set>
 
 namespace grainclock::benchmarks {
@@ -31,22 +33,30 @@ struct Task {
   int repetition = 1;     // the same
 };
 
-/// The scene's resolved text without its initial state: a study brings its own.
-std::string scene_text(const core::Scene& scene) {
-  std::string text = scene.text;
-  const std::size_t begin = text.find("\n[initial]\n");
-  if (begin != std::string::npos) text.erase(begin, text.find("\n[", begin + 1) - begin);
-  return text;
+/// A row of table `divergence`.
+struct SeparationRow {
+  std::string start;
+  double time, rms, max;  // s, m
+};
+
+/// A row of table `horizon`.
+struct HorizonRow {
+  std::string start;
+  std::optional<double> rate, trusted_until;  // 1/s, s
+  double floor;                               // m
+};
+
+Table divergence_table(const std::vector<SeparationRow>& rows) {
+  return {
+      "divergence",
+      {column(rows, "start", "", &SeparationRow::start), column(rows, "time", "s", &SeparationRow::time),
+       column(rows, "separation_rms", "m", &SeparationRow::rms), column(rows, "separation_max", "m", &SeparationRow::max)}};
 }
 
-/// Contact sweeps that a run may take, for the estimate of the remaining time only.
-double expected_sweeps(const Point& point, double horizon) {
-  constexpr double kSelective = 4.0, kDefaultStep = 2e-4, kSundials = 2e4;  // coarse: seen on the Table 1 silo
-  if (point.sundials) return kSundials;
-  const core::Stepping& s = point.stepping;
-  const double steps = horizon / s.step.value_or(kDefaultStep);
-  return steps * (s.method == core::Method::multirate ? kSelective : 1.0) *
-         (s.integrator == core::Integrator::pece ? 2.0 : 1.0);
+Table horizon_table(const std::vector<HorizonRow>& rows) {
+  return {"horizon",
+          {column(rows, "start", "", &HorizonRow::start), column(rows, "rate", "s-1", &HorizonRow::rate),
+           column(rows, "trusted_until", "s", &HorizonRow::trusted_until), column(rows, "floor", "m", &HorizonRow::floor)}};
 }
 
 class TrajectoriesStudy : public StudyKind {
@@ -59,8 +69,8 @@ class TrajectoriesStudy : public StudyKind {
     GC_REQUIRE(!scene_.phases.empty(), "{}: has no [[phase]]; a study runs the first one", study_.scene);
     for (const std::string& start : study_.starts) starts_.push_back(read_start(start));
     // Key combinations that a stepper does not offer show now, not after an hour.
-    for (const Point& point : study_.points) runner().require_offered(starts_.front(), point);
-    runner().require_offered(starts_.front(), study_.reference);
+    for (const Point& point : study_.points) require_offered(scene_, starts_.front(), point, study_.horizon, threads_);
+    require_offered(scene_, starts_.front(), study_.reference, study_.horizon, threads_);
     add_tasks();
   }
 
@@ -81,8 +91,8 @@ class TrajectoriesStudy : public StudyKind {
       write_divergence(file, run_divergence(scene_, start, *study_.divergence, threads_), origin);
       return;
     }
-    const Outcome outcome = runner().run(start, point_of(task));
-    if (task.role == Role::reference && !outcome.ok()) {
+    const Outcome outcome = run_point(scene_, start, point_of(task), study_.horizon, threads_);
+    if (task.role == Role::reference && !outcome.is_ok()) {
       throw core::NumericsError(fmt::format("{}: reference from {}: {}", study_.path, start.name, outcome.status));
     }
     write_outcome(file, outcome, origin, task.repetition == 1);
@@ -90,26 +100,25 @@ class TrajectoriesStudy : public StudyKind {
 
   std::vector<Table> tables(const Files& files) const override {
     std::vector<Row> rows;
-    Table series{"divergence",
-                 {{"start", "", Texts()},
-                  {"time", "s", Numbers()},
-                  {"separation_rms", "m", Numbers()},
-                  {"separation_max", "m", Numbers()}}};
-    Table horizons{
-        "horizon",
-        {{"start", "", Texts()}, {"rate", "s-1", Numbers()}, {"trusted_until", "s", Numbers()}, {"floor", "m", Numbers()}}};
+    std::vector<SeparationRow> separations;
+    std::vector<HorizonRow> horizons;
     for (std::size_t s = 0; s < starts_.size(); ++s) {
       const std::vector<Row> its_rows = rows_of(runs_of(s, files), scene_.domain.outlet_z);
       for (Row row : its_rows) {
         row.scene = std::filesystem::path(study_.scene).stem().string();
         rows.push_back(std::move(row));
       }
-      if (study_.divergence) add_divergence(s, files, its_rows, series, horizons);
+      if (!study_.divergence) continue;
+      const DivergenceSeries series = divergence_of(s, files);
+      for (std::size_t k = 0; k < series.time.size(); ++k) {
+        separations.push_back({starts_[s].name, series.time[k], series.rms[k], series.max[k]});
+      }
+      horizons.push_back(horizon_row(starts_[s].name, series, its_rows));
     }
     std::vector<Table> tables{study_table(rows)};
     if (study_.divergence) {
-      tables.push_back(std::move(series));
-      tables.push_back(std::move(horizons));
+      tables.push_back(divergence_table(separations));
+      tables.push_back(horizon_table(horizons));
     }
     return tables;
   }
@@ -118,7 +127,8 @@ class TrajectoriesStudy : public StudyKind {
 
   std::vector<std::string> warnings(const std::vector<Table>& tables) const override {
     const Table& study = tables.at(0);
-    const Texts &name = texts(study, "name"), &start = texts(study, "start"), &status = texts(study, "status");
+    const std::vector<std::string>&name = texts(study, "name"), &start = texts(study, "start"),
+          &status = texts(study, "status");
     std::vector<std::string> said;
     for (std::size_t row = 0; row < name.size(); ++row) {
       if (status[row] == "ok") continue;
@@ -156,11 +166,6 @@ class TrajectoriesStudy : public StudyKind {
   }
 
  private:
-  using Texts = std::vector<std::string>;
-  using Numbers = std::vector<double>;
-
-  Runner runner() const { return Runner(scene_, study_.horizon, threads_); }
-
   const Point& point_of(const Task& task) const {
     if (task.role == Role::reference) return study_.reference;
     return task.role == Role::check ? check_ : study_.points.at(task.point);
@@ -227,13 +232,14 @@ class TrajectoriesStudy : public StudyKind {
     return runs;
   }
 
-  void add_divergence(std::size_t s, const Files& files, const std::vector<Row>& rows, Table& table, Table& horizons) const {
+  DivergenceSeries divergence_of(std::size_t s, const Files& files) const {
     const auto task = std::find_if(tasks_.begin(), tasks_.end(),
                                    [=](const Task& one) { return one.role == Role::divergence && one.start == s; });
-    const DivergenceSeries series = read_divergence(files.at(task->job.id));
-    for (std::size_t k = 0; k < series.time.size(); ++k) {
-      add_cells(table, {starts_[s].name, series.time[k], series.rms[k], series.max[k]});
-    }
+    return read_divergence(files.at(task->job.id));
+  }
+
+  /// `rows`: those of the table `study` from this start.
+  HorizonRow horizon_row(const std::string& start, const DivergenceSeries& series, const std::vector<Row>& rows) const {
     const Growth growth = fitted_growth(series.time, series.rms, kSmallSeparation * series.mean_diameter);
     double change = 0.0, smallest = std::numeric_limits<double>::infinity();
     for (const Row& row : rows) {
@@ -242,27 +248,8 @@ class TrajectoriesStudy : public StudyKind {
       else if (row.name != study_.reference.name && row.status == "ok")
         smallest = std::min(smallest, row.error_rms.value_or(smallest));
     }
-    constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-    const double rate = growth.rate.value_or(kUnknown);
-    add_cells(horizons, {starts_[s].name, rate, trusted_until(rate, study_.horizon, change, smallest).value_or(kUnknown),
-                         growth.floor});
-  }
-
-  using Cell = std::variant<std::string, double>;
-  static void add_cells(Table& table, const std::vector<Cell>& cells) {
-    for (std::size_t c = 0; c < cells.size(); ++c) {
-      auto& values = table.columns[c].values;
-      if (const auto* text = std::get_if<std::string>(&cells[c]))
-        std::get<Texts>(values).push_back(*text);
-      else
-        std::get<Numbers>(values).push_back(std::get<double>(cells[c]));
-    }
-  }
-
-  static const Texts& texts(const Table& table, std::string_view column) {
-    return std::get<Texts>(std::find_if(table.columns.begin(), table.columns.end(), [=](const TableColumn& one) {
-                             return one.name == column;
-                           })->values);
+    const auto trusted = trusted_until(growth.rate.value_or(0.0), study_.horizon, change, smallest);
+    return {start, growth.rate, trusted, growth.floor};
   }
 
   Study study_;

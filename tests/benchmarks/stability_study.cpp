@@ -70,14 +70,6 @@ const Table& table(const std::vector<Table>& tables, const std::string& name) {
   return *found;
 }
 
-template <class Value>
-const std::vector<Value>& column(const Table& table, const std::string& name) {
-  for (const TableColumn& c : table.columns)
-    if (c.name == name) return std::get<std::vector<Value>>(c.values);
-  throw std::runtime_error("no column " + name);
-}
-const std::vector<double>& numbers(const Table& table, const std::string& name) { return column<double>(table, name); }
-
 std::string header(const Table& table) {
   const std::string text = csv(table);
   return text.substr(0, text.find('\n'));
@@ -92,7 +84,7 @@ TEST_F(StabilityStudyFiles, TablesHoldWhatTheJobsFound) {
   const Table& limits = table(tables, "stability");
   EXPECT_EQ(header(limits),
             "system,integrator,dashpot,damping_ratio,undamped_critical_step,theory_limit,bound,measured_limit,failure");
-  EXPECT_EQ(column<std::string>(limits, "integrator"), (std::vector<std::string>{"lagged", "lagged", "pece", "pece"}));
+  EXPECT_EQ(texts(limits, "integrator"), (std::vector<std::string>{"lagged", "lagged", "pece", "pece"}));
   EXPECT_EQ(numbers(limits, "damping_ratio"), (std::vector<double>{0.3, 1.0, 0.3, 1.0}));
   // One contact: 2 sqrt(m / k), and the closed forms.
   const double undamped = 2.0 * std::sqrt(core::Materials{}.mass(0.22) / 1e9);
@@ -160,13 +152,8 @@ TEST_F(StabilityStudyFiles, JobsNamesChangeWithWhatTheyDependOn) {
   EXPECT_EQ(common(one, ids(packing(state))), 4);  // the growth's jobs
 }
 
-TEST_F(StabilityStudyFiles, TablesDoWithoutJobsThatAreNotDone) {
+TEST_F(StabilityStudyFiles, AnotherStudysJobIsRefused) {
   const auto study = read(kSmall);
-  auto files = run_all(*study);
-  files.erase(study->jobs()[1].id);
-  const std::vector<Table> tables = study->tables(files);
-  EXPECT_EQ(numbers(table(tables, "stability"), "damping_ratio"), (std::vector<double>{0.3, 0.3, 1.0}));
-  EXPECT_TRUE(study->tables({}).empty());
   const std::string message = tests::message_of<core::InputError>([&] {
     study->run({"another", "", 1.0}, scratch_ / "x.h5");
   });
@@ -198,7 +185,7 @@ TEST_F(StabilityStudyFiles, AJobWhoseNumericsFailSaysSo) {
   const Table& limits = table(tables, "stability");
   ASSERT_EQ(numbers(limits, "measured_limit").size(), 1u);
   EXPECT_TRUE(std::isnan(numbers(limits, "measured_limit")[0]));
-  EXPECT_NE(column<std::string>(limits, "failure")[0].find("still moving"), std::string::npos);
+  EXPECT_NE(texts(limits, "failure")[0].find("still moving"), std::string::npos);
   EXPECT_EQ(numbers(table(tables, "stability_map"), "step_ratio").size(), 2u);
   const std::vector<std::string> warnings = study->warnings(tables);
   ASSERT_EQ(warnings.size(), 1u);

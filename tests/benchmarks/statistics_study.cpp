@@ -194,7 +194,7 @@ TEST_F(StatisticsFiles, FilesKeepARun) {
   run.costs = {1, 2, 3, 4, 5};
   run.momentum_residual = 1e-15;
   run.wall_s = 2.5;
-  write_long_run(scratch_ / "run.h5", run, core::read_scene(scene_), 1);
+  write_long_run(scratch_ / "run.h5", run, {core::read_scene(scene_), 1});
   const LongRun read = read_long_run(scratch_ / "run.h5");
   EXPECT_EQ(read.status, run.status);
   EXPECT_EQ(read.method_used, run.method_used);
@@ -209,7 +209,7 @@ TEST_F(StatisticsFiles, FilesKeepARun) {
   EXPECT_EQ(read.wall_force, run.wall_force);
   EXPECT_EQ(read.layer_edges, run.layer_edges);
   EXPECT_EQ(read.wall_area, run.wall_area);
-  EXPECT_FALSE(read.host.empty());
+  EXPECT_FALSE(read.made_by.host.empty());
   EXPECT_THROW(read_long_run(scratch_ / "none.h5"), core::FileError);
 }
 
@@ -232,15 +232,6 @@ step = 1e-3
 name = "ours"
 step = 5e-3
 )";
-
-const TableColumn& column(const Table& table, const std::string& name) {
-  const auto found =
-      std::find_if(table.columns.begin(), table.columns.end(), [&](const TableColumn& one) { return one.name == name; });
-  if (found == table.columns.end()) throw std::out_of_range(table.name + "." + name);
-  return *found;
-}
-const Numbers& numbers(const Table& table, const std::string& name) { return std::get<Numbers>(column(table, name).values); }
-const Texts& texts(const Table& table, const std::string& name) { return std::get<Texts>(column(table, name).values); }
 
 /// Row of this method and measure; without a bin.
 std::size_t row_of(const Table& table, const std::string& method, const std::string& measure) {
@@ -295,7 +286,7 @@ TEST_F(StatisticsFiles, AMethodThatDischargesATenthFasterIsToldApart) {
   for (std::size_t job = 0; job < 6; ++job) {
     const std::string id = kind->jobs()[job].id;
     files[id] = scratch_ / (id + ".h5");
-    write_long_run(files[id], made(balls[job]), core::read_scene(scene_), 1);
+    write_long_run(files[id], made(balls[job]), {core::read_scene(scene_), 1});
   }
   const auto tables = kind->tables(files);
   const std::size_t row = row_of(tables[1], "ours", "discharge_rate");
@@ -320,7 +311,7 @@ TEST_F(StatisticsFiles, AFailedRunIsLeftOutAndNamed) {
     }
     const std::string id = kind->jobs()[job].id;
     files[id] = scratch_ / (id + ".h5");
-    write_long_run(files[id], run, core::read_scene(scene_), 1);
+    write_long_run(files[id], run, {core::read_scene(scene_), 1});
   }
   const auto tables = kind->tables(files);
   EXPECT_EQ(numbers(tables[1], "n")[row_of(tables[1], "ours", "discharge_rate")], 2.0);

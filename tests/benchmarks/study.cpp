@@ -271,11 +271,10 @@ TEST_F(StudyRun, AnUnknownKindIsAnError) {
 TEST_F(StudyRun, EveryKindHasItsReader) {
   const struct {
     const char *kind, *says;
-  } cases[] = {{"trajectories", "scene is missing"},
-               {"statistics", "scene is missing: give the scene whose first phase is run"},
-               {"stability", "systems is missing"}};
+  } cases[] = {
+      {"trajectories", "horizon is missing"}, {"statistics", "duration is missing"}, {"stability", "systems is missing"}};
   for (const auto& one : cases) {
-    const std::string path = write(fmt::format("kind = \"{}\"\n", one.kind));
+    const std::string path = write(fmt::format("kind = \"{}\"\nscene = \"scene.toml\"\nstart = \"start.csv\"\n", one.kind));
     const std::string said = tests::message_of<core::InputError>([&] { (void)make_study(path, 1); });
     EXPECT_NE(said.find(one.says), std::string::npos) << said;
   }

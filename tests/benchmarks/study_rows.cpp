@@ -25,7 +25,7 @@ Outcome outcome(double error, double wall_s, const std::string& host = "here") {
   made.costs.contact_evaluations = static_cast<std::uint64_t>(1000.0 / error);
   made.wall_s = wall_s;
   made.end = ball_at(1.0 + error);
-  made.host = host;
+  made.made_by.host = host;
   return made;
 }
 
@@ -67,7 +67,7 @@ TEST_F(StudyRows, ClocksAreMediansAndGainsRatios) {
 }
 
 TEST_F(StudyRows, ClocksOfDifferentMachinesGiveNoGain) {
-  runs_.points[1].outcomes[2].host = "there";
+  runs_.points[1].outcomes[2].made_by.host = "there";
   const auto all = rows();
   EXPECT_EQ(all[1].host, "here; there");
   for (const Row& row : all) {
@@ -78,7 +78,7 @@ TEST_F(StudyRows, ClocksOfDifferentMachinesGiveNoGain) {
 }
 
 TEST_F(StudyRows, AReferenceElsewhereSpoilsNoGain) {
-  runs_.reference.outcomes.front().host = "there";
+  runs_.reference.outcomes.front().made_by.host = "there";
   EXPECT_TRUE(rows()[1].measured_gain);
 }
 
@@ -91,6 +91,17 @@ TEST_F(StudyRows, TheReferenceMustBeTenTimesAsGoodAsTheBestPoint) {
   EXPECT_EQ(rows()[2].status.find("too coarse: 10 times its rtol"), 0u) << rows()[2].status;
   runs_.check.outcomes.front().status = "failed: blew up";
   EXPECT_EQ(rows()[2].status.find("unchecked"), 0u) << rows()[2].status;
+}
+
+TEST_F(StudyRows, SweepsAreEvaluationsOverAllPairsWhateverTheReferenceIs) {
+  // 100 steps with 1e12 evaluations: 1e10 pairs.
+  Outcome& reference = runs_.reference.outcomes.front();
+  reference.levels.listed = 9e9;                                       // at the end
+  EXPECT_NEAR(*rows()[2].sweeps, 100.0, 1e-6);                         // truncation of 1000 / 1e-9 evaluations
+  runs_.reference.point.stepping.integrator = core::Integrator::pece;  // two evaluations in each step
+  EXPECT_NEAR(*rows()[2].sweeps, 1e12 / 9e9, 1e-6);
+  runs_.reference.point.sundials = ReferenceSettings{};
+  EXPECT_NEAR(*rows()[2].sweeps, 1e12 / 9e9, 1e-6);
 }
 
 TEST_F(StudyRows, BranchChangesAreCountedInTotalWithRootsOnly) {
@@ -128,8 +139,8 @@ TEST(TrajectoriesFile, OutcomesReadBackAsTheyWere) {
   EXPECT_EQ(read.wall_s, 1.25);
   EXPECT_EQ(read.wall_force, written.wall_force);
   EXPECT_EQ(read.end.position.at(0), written.end.position.at(0));
-  EXPECT_EQ(read.threads, 3);
-  EXPECT_FALSE(read.host.empty());
+  EXPECT_EQ(read.made_by.threads, 3);
+  EXPECT_FALSE(read.made_by.host.empty());
   write_outcome(scratch / "b.h5", written, {scene, 1}, false);
   EXPECT_EQ(read_outcome(scratch / "b.h5").end.size(), 0u);
   EXPECT_THROW(read_outcome(scratch / "none.h5"), core::FileError);
