@@ -68,6 +68,8 @@ struct PairBook {
   }
 };
 
+constexpr double fourth(double x) { return (x * x) * (x * x); }
+
 /// What a ball's pairs ask of its step.
 struct Need {
   ContactMatrix matrix;
@@ -82,18 +84,13 @@ struct Need {
     matrix.fixed += other.matrix.fixed;
   }
   /// 1/s4, of its impacts, eased where other contacts hold it.
-  double eased_impact4() const {
-    constexpr double kEase = kConfinedReach * kConfinedReach * kConfinedReach * kConfinedReach;
-    return is_confined ? impact4 / kEase : impact4;
-  }
+  double eased_impact4() const { return is_confined ? impact4 / fourth(kConfinedReach) : impact4; }
 };
 
 /// Contacts of one level, contiguous.
 struct Batch {
   PairList ball, fixed;
 };
-
-double fourth(double x) { return (x * x) * (x * x); }
 
 /// Circular frequency of two undamped balls of this diameter in contact [1/s].
 double omega(const core::Materials& materials, double diameter) {
