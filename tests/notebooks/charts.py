@@ -226,14 +226,18 @@ class Choices(unittest.TestCase):
 class Promise(unittest.TestCase):
     def test_kept(self):
         promise, = charts.promises([study_of(study_rows("a", 0.5) + study_rows("b", 2.5))])
-        self.assertTrue(promise.is_kept())
+        self.assertEqual(promise.verdict(), "kept")
         self.assertAlmostEqual(min(promise.ratios), 0.5, delta=ROUNDING)
         self.assertAlmostEqual(max(promise.ratios), 2.5, delta=ROUNDING)
 
     def test_broken_by_one_start_state(self):
         promise, = charts.promises([study_of(study_rows("a") + study_rows("b", 3.1))])
         self.assertTrue(promise.is_monotone())
-        self.assertFalse(promise.is_kept())
+        self.assertEqual(promise.verdict(), "not kept")
+
+    def test_errors_below_the_band_are_named(self):
+        promise, = charts.promises([study_of(study_rows("a", 0.3))])
+        self.assertEqual(promise.verdict(), "more accurate")
 
     def test_broken_where_not_monotone(self):
         rows = study_rows()
@@ -241,6 +245,7 @@ class Promise(unittest.TestCase):
         ours[1]["error_rms"] = 0.99 * ours[2]["error_rms"]
         promise, = charts.promises([study_of(rows)])
         self.assertFalse(promise.is_monotone())
+        self.assertEqual(promise.verdict(), "not kept")
 
 
 class Trust(unittest.TestCase):
@@ -269,21 +274,24 @@ class Files(unittest.TestCase):
         return done, {path.name for path in (self.directory / "out").glob("*")}
 
     def test_cells_come_back(self):
-        study = charts.read_study(write_study(self.directory, {"study": study_rows()}))
+        study = charts.read_study(write_study(self.directory / "study", {"study": study_rows()}))
         self.assertEqual(study.name, "scene")
         self.assertEqual(study.rows("study"), study_rows())
 
+    def test_name_is_the_directorys(self):
+        self.assertEqual(charts.read_study(write_study(self.directory / "mine", {"study": study_rows()})).name, "mine")
+
     def test_name_without_a_scene_is_the_kind(self):
-        directory = write_study(self.directory / "x", stability_tables(), 'kind = "stability"')
-        self.assertEqual(charts.read_study(directory).name, "stability")
-        self.assertEqual(charts.read_study(write_study(self.directory / "y", stability_tables(), "no toml")).name, "y")
+        place = self.directory / "study"
+        self.assertEqual(charts.read_study(write_study(place, stability_tables(), 'kind = "stability"')).name, "stability")
+        self.assertEqual(charts.read_study(write_study(place, stability_tables(), "no toml")).name, "study")
 
     def test_newest_of_each_name(self):
-        for name in ("old", "new"):
-            write_study(self.directory / name, {"study": study_rows()})
-        write_study(self.directory / "other", {"study": study_rows()}, 'scene = "other.toml"')
-        os.utime(self.directory / "old" / "study.h5", (1, 1))
-        self.assertEqual({(s.name, s.path.name) for s in charts.newest_studies(self.directory)}, {("scene", "new"), ("other", "other")})
+        for run in ("old", "new"):
+            write_study(self.directory / run / "scene", {"study": study_rows()})
+        write_study(self.directory / "new" / "other", {"study": study_rows()})
+        os.utime(self.directory / "old" / "scene" / "study.h5", (1, 1))
+        self.assertEqual({(s.name, s.path.parent.name) for s in charts.newest_studies(self.directory)}, {("scene", "new"), ("other", "new")})
 
     def test_every_chart_is_drawn(self):
         done, files = self.draw({"study": study_rows("a") + study_rows("b", 2.0), **divergence_tables(), **stability_tables(),
