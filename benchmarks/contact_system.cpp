@@ -86,8 +86,10 @@ int ContactSystem::slope(Part part, bool moves, N_Vector y, N_Vector out) {
       std::fill_n(slopes, n, 0.0);
     field_.acceleration({motion_.x.data(), n}, {motion_.v.data(), n}, {slopes + n, n}, part);
     if (watched_) watched_->keep_branches(motion_, part, {slopes + n, n});
-  } catch (const core::NumericsError&) {
-    return 1;  // a trial step went too far
+    complaint_.clear();
+  } catch (const core::NumericsError& error) {  // a trial step went too far
+    complaint_ = error.what();
+    return 1;
   } catch (...) {
     failure_ = std::current_exception();
     return -1;

@@ -7,6 +7,7 @@
 
 #include <exception>
 #include <optional>
+#include <string>
 
 namespace grainclock::benchmarks {
 
@@ -39,6 +40,8 @@ class ContactSystem {
   std::uint64_t contact_evaluations() const;
   /// Throws what a call from C code could not let through.
   void rethrow() const;
+  /// Why the last slope() wanted a shorter step; empty if it did not.
+  const std::string& complaint() const { return complaint_; }
 
  private:
   core::ForceField field_;
@@ -50,6 +53,7 @@ class ContactSystem {
   double mean_diameter_;                // m
   double length_, speed_;               // m, m/s: steps of difference quotients
   std::exception_ptr failure_;
+  std::string complaint_;
 };
 
 }  // namespace grainclock::benchmarks

@@ -14,6 +14,8 @@ constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 /// A collision takes four changes in about three windows: this many within one are no motion of balls.
 constexpr int kMostChanges = 32;
 constexpr int kMostSections = 100;
+constexpr double kStalled = 16.0 * kEpsilon;  // of the time: no step of a motion is as short
+constexpr int kMostStalled = 100;
 
 void count(BranchChanges& changes, ChangeKind kind) {
   switch (kind) {
@@ -176,6 +178,7 @@ class EventLoop {
     while (horizon_ - time > 8.0 * kEpsilon * horizon_) {
       const double reached = solver_.step(y_);
       ++result_.steps;
+      require_progress(time, reached);
       if (system_.watched()) {
         WatchedPairs& watched = *system_.watched();
         watched.note_end(system_.motion_at(y_));
@@ -194,6 +197,16 @@ class EventLoop {
   }
 
  private:
+  /// Towards a state whose forces are refused CVODE's steps shrink to nothing, each of them a success.
+  void require_progress(double begin, double end) {
+    stalled_ = end - begin > kStalled * end ? 0 : stalled_ + 1;
+    if (stalled_ < kMostStalled) return;
+    throw core::NumericsError(
+        fmt::format("reference: {} steps in a row advance by less than rounding at {} s: beyond that a contact force or "
+                    "overlap is at its limit; use stiffer contacts, slower balls or a shorter horizon",
+                    kMostStalled, end));
+  }
+
   /// The earliest change within the step from `begin` to `end` [s]; the solution there is kept.
   std::optional<Found> first_change(double begin, double end) {
     std::optional<Found> first;
@@ -234,9 +247,8 @@ class EventLoop {
     if (++pair.changes > kMostChanges) {
       throw core::NumericsError(
           fmt::format("reference: balls {} and {} change their branch more than {} times within {} s, at {} s: the law "
-                      "switches its force "
-                      "on and off there without end (as cohesion does that carries a load); use a smaller rtol, no roots, "
-                      "or no cohesion",
+                      "switches its force on and off there without end (as cohesion does that carries a load); use a "
+                      "smaller rtol, no roots, or no cohesion",
                       watched.id_of(pair.i), watched.id_of(pair.j), kMostChanges, window_, change.time));
     }
     count(result_.changes, change.exit.kind);
@@ -252,6 +264,7 @@ class EventLoop {
   N_Vector y_;
   WithinStep within_;
   double window_;  // s
+  int stalled_ = 0;  // steps in a row
   LoopResult result_;
 };
 

@@ -113,10 +113,11 @@ class Package {
   void* memory() const { return memory_.get(); }
   const Calls& calls() const { return *calls_; }
 
-  void require(int flag) const {
+  /// Throws unless the flag is one of success; `cause`: what else is known.
+  void require(int flag, std::string_view cause = {}) const {
     if (flag >= 0) return;
-    throw core::NumericsError(
-        fmt::format("{} failed with flag {} ({}); try another rtol", calls_->package, flag, *complaint_));
+    throw core::NumericsError(fmt::format("{} failed with flag {} ({}{}{}); try another rtol", calls_->package, flag,
+                                          *complaint_, cause.empty() ? "" : " ", cause));
   }
   /// What every package is told.
   void configure(const SolverSetup& setup) const {
@@ -159,7 +160,7 @@ class PackageSolver : public Solver {
     realtype reached = 0.0;
     const int flag = package_.calls().evolve(package_.memory(), stop_, y, &reached, package_.calls().one_step);
     system_.rethrow();
-    package_.require(flag);
+    package_.require(flag, system_.complaint());
     return reached;
   }
   void restart(double time, N_Vector y, double stop) override {

@@ -184,6 +184,21 @@ TEST(Reference, TheSlowStepOfMristepIsOfOrderThree) {
   EXPECT_LT(errors.back(), 1e-8);
 }
 
+TEST(Reference, FailsWhereABallGoesTooDeep) {
+  // So soft a wall and so fast a ball that the overlap passes what the force routine allows: no scheme may try for ever.
+  Materials materials;
+  materials.wall = {1e4, 0.0};
+  for (const Scheme scheme : tests::kSchemes) {
+    for (const bool roots : {true, false}) {
+      const std::string text = tests::message_of<core::NumericsError>([&] {
+        integrate({scheme, 1e-6, 1e-5, roots}, tests::ball_on_floor(0.01, -50.0), tests::weightless(materials, 1e-3), 0.1);
+      });
+      EXPECT_NE(text.find("overlap is"), std::string::npos) << tests::name_of(scheme) << ": " << text;
+      EXPECT_NE(text.find("limit"), std::string::npos) << text;
+    }
+  }
+}
+
 TEST(Reference, RefusesWhatMakesNoSense) {
   const Materials materials;
   const State state = tests::two_balls(materials, 0.2, 0.2, 0.01, 1.0);
