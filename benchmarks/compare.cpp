@@ -24,7 +24,9 @@ struct Side {
   State state;
 };
 
-bool is_a_run(const std::string& path) { return fs::is_directory(path) || (fs::path(path).extension() == ".h5" && silo::is_run(path)); }
+bool is_a_run(const std::string& path) {
+  return fs::is_directory(path) || (fs::path(path).extension() == ".h5" && silo::is_run(path));
+}
 
 Side open(const std::string& path) {
   Side side;
@@ -54,12 +56,14 @@ void add_summary(Report& report, const std::string& key, const std::string& labe
 }
 
 void add_run_measures(Report& report, const Side& a, const Side& b) {
-  const auto wall = a.run->observable(silo::kWallForceByLayer, a.frame), wall_reference = b.run->observable(silo::kWallForceByLayer, b.frame);
+  const auto wall = a.run->observable(silo::kWallForceByLayer, a.frame),
+             wall_reference = b.run->observable(silo::kWallForceByLayer, b.frame);
   if (wall && wall_reference && wall->size() == wall_reference->size())
     report.add("wall_force", "wall force by layer, relative L2", relative_l2(*wall, *wall_reference));
   for (const char* name : {"energy_residual", "momentum_residual", "discharged", "contact_evaluations"}) {
     const auto value = a.run->observable(name, a.frame), reference = b.run->observable(name, b.frame);
-    if (value && reference) report.add(name, std::string(name) + ", and of the reference", std::vector<double>{value->at(0), reference->at(0)});
+    if (value && reference)
+      report.add(name, std::string(name) + ", and of the reference", std::vector<double>{value->at(0), reference->at(0)});
   }
 }
 
@@ -73,14 +77,16 @@ Report compare(const std::string& path, const std::string& reference, const Comp
   // CSV has no time, so states are taken to be of the same moment; frames must be.
   constexpr double kSameTime = 1e-9;
   GC_REQUIRE(!a.run || !b.run || std::abs(a.state.time - b.state.time) <= kSameTime * std::max(1.0, std::abs(time)),
-             "{} and {} have no frame in common at {} s (nearest: {} and {} s); give another --at", path, reference, time, a.state.time, b.state.time);
+             "{} and {} have no frame in common at {} s (nearest: {} and {} s); give another --at", path, reference, time,
+             a.state.time, b.state.time);
 
   Report report;
   report.add("file", "file", path);
   report.add("reference", "reference", reference);
   report.add("time", "time", b.state.time, "s");
   const Distances apart = distances(a.state, b.state);
-  GC_REQUIRE(apart.common > 0, "{} and {} have no content balls in common; compare states of the same scene", path, reference);
+  GC_REQUIRE(apart.common > 0, "{} and {} have no content balls in common; compare states of the same scene", path,
+             reference);
   report.add("common", "content balls in common", static_cast<std::int64_t>(apart.common));
   report.add("distance_rms", "distance, rms", apart.rms, "m");
   report.add("distance_median", "distance, median", apart.median, "m");

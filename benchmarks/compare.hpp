@@ -9,8 +9,8 @@
 namespace grainclock::benchmarks {
 
 struct CompareOptions {
-  std::optional<double> at;            // s; default: the last frame that both have
-  std::optional<std::string> start;    // state that both began with; default: the reference's first frame, if it is a run
+  std::optional<double> at;          // s; default: the last frame that both have
+  std::optional<std::string> start;  // state that both began with; default: the reference's first frame, if it is a run
 };
 
 /// Errors of `path` against the reference: runs, checkpoints or states (.h5, .csv). Throws InputError where the two

@@ -14,7 +14,7 @@ using core::BallId;
 using core::Kind;
 using core::State;
 
-/// Where each ball stands in a state; states of a scene need not share an order or a count.
+/// Where each content ball stands in a state; states of a scene need not have the same balls.
 std::unordered_map<BallId, std::size_t> content_rows(const State& state) {
   std::unordered_map<BallId, std::size_t> rows;
   for (std::size_t row = 0; row < state.size(); ++row) {

@@ -5,6 +5,7 @@
 #include "core/stepper.hpp"
 #include "multirate/stepper.hpp"
 #include "silo/filling.hpp"
+#include "silo/phases.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -170,15 +171,6 @@ core::StepperSetup settling_setup(const State& state) {
   return setup;
 }
 
-/// The synchronised state alone: what a run with other keys starts from.
-State bare(State state) {
-  state.evaluated_position.clear();
-  state.evaluated_velocity.clear();
-  state.level.clear();
-  state.impacted.clear();
-  return state;
-}
-
 /// Levels of the content.
 std::vector<int> levels(const State& state) {
   std::vector<int> out;
@@ -268,7 +260,7 @@ State small_packing() {
   setup.first_impact = true;
   const auto filling = core::make_uniform_stepper(silo.state, setup);
   filling->advance(20000);
-  State filled = bare(filling->state());
+  State filled = silo::fresh(filling->state());
   silo::remove_collar(filled, silo.first_collar);
   return settled(std::move(filled), "the small packing");
 }
@@ -283,7 +275,7 @@ State settled(State state, std::string_view source) {
   for (int done = 0; done < kSteps; done += kLook) {
     stepper->advance(kLook);
     if (stepper->energies().kinetic >= at_rest) continue;
-    State out = bare(stepper->state());
+    State out = silo::fresh(stepper->state());
     for (Vec3& v : out.velocity) v.setZero();
     return out;
   }

@@ -360,7 +360,6 @@ class StabilityStudy final : public StudyKind {
   void run(const Job& job, const std::filesystem::path& path) const override {
     const auto part =
         std::find_if(parts_.begin(), parts_.end(), [&](const Part& p) { return job_of(p, plan_).id == job.id; });
-    GC_REQUIRE(part != parts_.end(), "job {} is none of this study's; list its jobs anew", job.id);
     core::AsideFile aside(path);
     core::Hdf5File file = core::Hdf5File::create(aside.part());
     try {
@@ -373,7 +372,7 @@ class StabilityStudy final : public StudyKind {
     aside.commit();
   }
 
-  std::vector<Table> tables(const std::map<std::string, std::filesystem::path>& files) const override {
+  std::vector<Table> tables(const JobFiles& files) const override {
     std::vector<LimitRow> limits;
     std::vector<MapRow> map;
     std::vector<GrowthRow> growth;

@@ -19,7 +19,6 @@ namespace grainclock::benchmarks {
 namespace {
 
 using core::TomlKeys;
-using Files = std::map<std::string, std::filesystem::path>;
 
 /// Of the jobs' files and of what is computed into them; a new number lets every job run anew.
 constexpr int kFormat = 1;
@@ -269,7 +268,7 @@ class StatisticsStudy : public StudyKind {
     write_long_run(file, run_long(scene_, start.state, method.stepping, plan_.sampling, threads_), {scene_, threads_});
   }
 
-  std::vector<Table> tables(const Files& files) const override {
+  std::vector<Table> tables(const JobFiles& files) const override {
     std::vector<RunRow> runs;
     std::vector<ValueRow> values;
     std::vector<MethodRuns> by_method(plan_.methods.size());

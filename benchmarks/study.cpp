@@ -156,7 +156,7 @@ void draw_charts(const fs::path& dir, const Progress& progress) {
 }
 
 void write_results(const StudyCall& call, const StudyKind& study, const StudyDirectory& dir, const Progress& progress) {
-  std::map<std::string, fs::path> files;
+  JobFiles files;
   for (const Job& job : study.jobs()) files[job.id] = dir.file(job.id);
   const std::vector<Table> tables = study.tables(files);
   std::string written;

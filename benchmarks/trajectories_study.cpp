@@ -15,8 +15,6 @@
 namespace grainclock::benchmarks {
 namespace {
 
-using Files = std::map<std::string, std::filesystem::path>;
-
 /// Of the jobs' files and of what is computed into them; a new number lets every job run anew.
 constexpr int kFormat = 1;
 /// Separations are small below this share of a mean diameter: contacts are then the same ones in both copies.
@@ -98,7 +96,7 @@ class TrajectoriesStudy : public StudyKind {
     write_outcome(file, outcome, origin, task.repetition == 1);
   }
 
-  std::vector<Table> tables(const Files& files) const override {
+  std::vector<Table> tables(const JobFiles& files) const override {
     std::vector<Row> rows;
     std::vector<SeparationRow> separations;
     std::vector<HorizonRow> horizons;
@@ -219,7 +217,7 @@ class TrajectoriesStudy : public StudyKind {
   }
 
   /// Reads what the jobs of a start state left.
-  StartRuns runs_of(std::size_t s, const Files& files) const {
+  StartRuns runs_of(std::size_t s, const JobFiles& files) const {
     StartRuns runs{starts_[s], {}, {study_.reference, {}}, {check_, {}}};
     for (const Point& point : study_.points) runs.points.push_back({point, {}});
     for (const Task& task : tasks_) {
@@ -232,7 +230,7 @@ class TrajectoriesStudy : public StudyKind {
     return runs;
   }
 
-  DivergenceSeries divergence_of(std::size_t s, const Files& files) const {
+  DivergenceSeries divergence_of(std::size_t s, const JobFiles& files) const {
     const auto task = std::find_if(tasks_.begin(), tasks_.end(),
                                    [=](const Task& one) { return one.role == Role::divergence && one.start == s; });
     return read_divergence(files.at(task->job.id));

@@ -20,9 +20,7 @@ TEST(Gain, BeatenPointsOfTheBaselineDoNotCount) {
   EXPECT_NEAR(*cost_at(5e-3, line) / *cost_at(5e-3, {{1e-2, 100}, {1e-3, 1000}}), 1.0, kRounding);
 }
 
-TEST(Gain, CoarserThanTheBaselineItCostsItsCheapestPoint) {
-  EXPECT_EQ(*cost_at(0.5, {{1e-2, 100}, {1e-4, 10000}}), 100.0);
-}
+TEST(Gain, CoarserThanTheBaselineItCostsItsCheapestPoint) { EXPECT_EQ(*cost_at(0.5, {{1e-2, 100}, {1e-4, 10000}}), 100.0); }
 
 TEST(Gain, FinerThanTheBaselineItIsUnknown) {
   EXPECT_FALSE(cost_at(9e-5, {{1e-2, 100}, {1e-4, 10000}}));

@@ -152,14 +152,6 @@ TEST_F(StabilityStudyFiles, JobsNamesChangeWithWhatTheyDependOn) {
   EXPECT_EQ(common(one, ids(packing(state))), 4);  // the growth's jobs
 }
 
-TEST_F(StabilityStudyFiles, AnotherStudysJobIsRefused) {
-  const auto study = read(kSmall);
-  const std::string message = tests::message_of<core::InputError>([&] {
-    study->run({"another", "", 1.0}, scratch_ / "x.h5");
-  });
-  EXPECT_NE(message.find("another"), std::string::npos);
-}
-
 TEST_F(StabilityStudyFiles, APackingFromAFileSettlesFirst) {
   core::State pile;  // a ball in the hollow of three
   pile.add(0, Kind::content, Vec3(0.001, 0.0, 0.36), Vec3(0.1, 0.0, 0.0), 0.22);
