@@ -263,7 +263,7 @@ class EventLoop {
   ContactSystem& system_;
   N_Vector y_;
   WithinStep within_;
-  double window_;  // s
+  double window_;    // s
   int stalled_ = 0;  // steps in a row
   LoopResult result_;
 };
