@@ -144,8 +144,8 @@ TEST(Referee, SeesAWrongForceAndAWrongWeight) {
   for (const Case& its : {scene("pair"), scene("pile")})
     for (const Method method : {Method::uniform, Method::multirate}) {
       SCOPED_TRACE(testing::Message() << core::name(method) << ", " << its.start.size() << " balls");
-      // C dt^2, and in the pile one late contact that no tolerance reaches. One hundredth wrong shows as some ten-thousandths
-      // of the displacement at least: most of that is free flight.
+      // C dt^2, and in the pile one late contact that no tolerance reaches. One hundredth wrong shows as some
+      // ten-thousandths of the displacement at least: most of that is free flight.
       EXPECT_LT(fine_error(its, method, core::kernels()), 2e-5);
       EXPECT_GT(fine_error(its, method, broken.force), 1e-4);
       EXPECT_GT(fine_error(its, method, broken.weight), 1e-4);
