@@ -109,9 +109,10 @@ class Notebook(unittest.TestCase):
         for name, text in (("trajectories", TRAJECTORIES), ("stability", STABILITY), ("statistics", STATISTICS)):
             cls.write(f"{name}.toml", text)
             grainclock("study", cls.directory / f"{name}.toml", "--out", cls.directory / name)
-        # After 0.02 s the balls have levels but press on nothing; after 0.002 s it is the other way round.
+        # After 0.02 s the balls have levels but press on nothing; after 0.002 s they press, and uniform steps have no levels.
         grainclock("run", cls.directory / "scene.toml", "--out", cls.directory / "levels", "--set", "stepping.tolerance=1e-4")
-        grainclock("run", cls.directory / "scene.toml", "--out", cls.directory / "forces", "--set", "phase.fall.duration=0.002")
+        grainclock("run", cls.directory / "scene.toml", "--out", cls.directory / "forces", "--set", "phase.fall.duration=0.002",
+                   "--set", 'stepping.method="uniform"')
 
     @classmethod
     def write(cls, name, text):
