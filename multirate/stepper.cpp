@@ -581,7 +581,7 @@ class MultirateStepper final : public core::BallStepper {
     return std::min(ladder_.level_of(longest), std::max(now, ladder_.level_of(longest / kHysteresis)));
   }
 
-  /// Mean square of the content's speeds [m2/s2], not below what gravity makes quiet.
+  /// Mean square of the content's speeds [m2/s2], not below what counts as quiet or still.
   double mean_square_speed() const {
     const std::uint32_t n = balls_.content_count();
     const auto square = [this](std::uint32_t row) {
