@@ -37,6 +37,7 @@ struct LevelStatistics {
   std::vector<double> contacts;   // mean number of contacts evaluated at this level
   double listed = 0.0;            // pairs in the list now: what a uniform step evaluates
   double renewals = 0.0;          // evaluations of all listed pairs per coarsest step, for classes
+  bool ran_out = false;           // even with all balls at level 0 the tolerance was not to be had, at some time
 };
 
 /// A content system between synchronised times. All calls see and leave a synchronised state.

@@ -173,6 +173,7 @@ class MultirateStepper final : public core::BallStepper {
   core::LevelStatistics level_statistics() const override {
     core::LevelStatistics out;
     out.renewals = 1.0 / renew_every_;
+    out.ran_out = ran_out_;
     out.listed = static_cast<double>(list_.ball_pairs().count + list_.fixed_pairs().count);
     for (Level l = 0; l < ladder_.levels(); ++l) {
       const auto mean = [this](std::int64_t sum, std::size_t now) {
@@ -562,11 +563,15 @@ class MultirateStepper final : public core::BallStepper {
   template <class Urgency4>
   void share_error(double error_factor, Urgency4 urgency4) {
     strides4_.clear();
+    double finest_error = 0.0;  // with all balls at the finest step, in the same measure as the tolerance's share
     for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
-      const double stride4 = fourth(ladder_.step(level_[row])) * urgency4(needs_[0][row]);
+      const double its4 = urgency4(needs_[0][row]), stride4 = fourth(ladder_.step(level_[row])) * its4;
       if (stride4 > 0.0) strides4_.push_back(stride4);
+      finest_error += fourth(ladder_.tick()) * its4;
     }
     const double reach4 = shared_reach4(strides4_, balls_.content_count(), error_factor, setup_.stepping.tolerance);
+    const double share = setup_.stepping.tolerance / error_factor;
+    ran_out_ = ran_out_ || finest_error > share * share * balls_.content_count();
     share_balls([&](std::uint32_t begin, std::uint32_t end) {
       for (std::uint32_t row = begin; row < end; ++row) {
         level_[row] = std::min(level_[row], classed(urgency4(needs_[0][row]), reach4, before_[row]));
@@ -712,6 +717,7 @@ class MultirateStepper final : public core::BallStepper {
   std::int64_t renewed_at_ = 0;
   Level finest_ = 0;
   bool crossed_ = false;
+  bool ran_out_ = false;  // see LevelStatistics
 };
 
 }  // namespace

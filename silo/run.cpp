@@ -300,6 +300,11 @@ class Run {
     report.add("ball_updates", "ball updates", static_cast<double>(costs.ball_updates));
     report.add("events", "event corrections", static_cast<double>(costs.events));
     report.add("missed_contacts", "missed contacts", static_cast<std::int64_t>(costs.missed_contacts));
+    const core::LevelStatistics levels = stepper_->level_statistics();
+    if (levels.ran_out && levels.step.size() > 1)
+      report.warn(fmt::format(
+          "at times even the finest level's step of {:.3g} s was too long for the tolerance; raise stepping.levels",
+          levels.step.front()));
     fmt::print("\nledger\n{}done: {}\n", report.text(2), directory_.string());
     std::fflush(stdout);
   }

@@ -79,6 +79,20 @@ TEST(Promise, IsKeptInASmallFlow) { expect_promise(flow()); }
 // Errors come out smaller still where few balls land at a time: up to 5.5 times below the tolerance.
 TEST(Promise, IsMoreThanKeptWhereBallsLand) { expect_promise(scene("pile"), 2.0); }
 
+TEST(Promise, IsNotMadeWhereTheLadderRunsOut) {
+  const Case pile = scene("pile");
+  for (const int levels : {8, 12}) {
+    StepperSetup setup = pile.setup;
+    setup.stepping.tolerance = 1e-6;
+    setup.stepping.levels = levels;
+    const auto stepper = multirate::make_stepper(pile.start, setup);
+    stepper->advance(core::step_for(pile.horizon, stepper->step()).n);
+    EXPECT_EQ(stepper->level_statistics().ran_out, levels == 8);
+    // Measured 17 and 0.2 times the tolerance.
+    EXPECT_EQ(pile.error(*stepper) < 3e-6, levels == 12);
+  }
+}
+
 // ---- deliberately wrong steppers: both kinds of stepping, one kernel broken ----
 
 constexpr double kWrong = 1.01;  // of a force
