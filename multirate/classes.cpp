@@ -11,8 +11,7 @@ double shared_reach4(const std::vector<double>& strides4, std::size_t balls, dou
   constexpr int kBits = 16;
   std::vector<std::uint32_t> count(std::size_t{1} << (kBits - 1));  // positive numbers
   for (const double stride4 : strides4) ++count[std::bit_cast<std::uint64_t>(stride4) >> (64 - kBits)];
-  const double share = tolerance / error_factor;
-  const double allowed = share * share * static_cast<double>(balls);  // of the sum of squares
+  const double allowed = affordable4(balls, error_factor, tolerance);
   double below = 0.0, above = static_cast<double>(strides4.size());
   for (std::uint64_t k = 0; above > 0.0; ++k) {
     if (count[k] == 0) continue;

@@ -42,6 +42,12 @@ inline PairMotion motion_of(double overlap, double rate, double acceleration, do
   return {omega2 * amplitude / speed2, is_open || amplitude > opening * opening};
 }
 
+/// The sum of (h u)^4 over `balls` at which the rms of error_factor (h u)^2 is the tolerance.
+inline double affordable4(std::size_t balls, double error_factor, double tolerance) {
+  const double share = tolerance / error_factor;
+  return share * share * static_cast<double>(balls);
+}
+
 /// The fourth power of the reach r at which the rms over `balls` of error_factor min(r^2, (h u)^2) is the tolerance, or
 /// less by up to 6 %; `strides4` holds (h u)^4 of each ball concerned at the step that it could take otherwise.
 /// Infinity if all may take that. The order of the balls changes no bit.

@@ -563,15 +563,15 @@ class MultirateStepper final : public core::BallStepper {
   template <class Urgency4>
   void share_error(double error_factor, Urgency4 urgency4) {
     strides4_.clear();
-    double finest_error = 0.0;  // with all balls at the finest step, in the same measure as the tolerance's share
+    double sum4 = 0.0;  // of urgencies, 1/s4
     for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
       const double its4 = urgency4(needs_[0][row]), stride4 = fourth(ladder_.step(level_[row])) * its4;
       if (stride4 > 0.0) strides4_.push_back(stride4);
-      finest_error += fourth(ladder_.tick()) * its4;
+      sum4 += its4;
     }
-    const double reach4 = shared_reach4(strides4_, balls_.content_count(), error_factor, setup_.stepping.tolerance);
-    const double share = setup_.stepping.tolerance / error_factor;
-    ran_out_ = ran_out_ || finest_error > share * share * balls_.content_count();
+    const std::uint32_t n = balls_.content_count();
+    const double reach4 = shared_reach4(strides4_, n, error_factor, setup_.stepping.tolerance);
+    ran_out_ = ran_out_ || fourth(ladder_.tick()) * sum4 > affordable4(n, error_factor, setup_.stepping.tolerance);
     share_balls([&](std::uint32_t begin, std::uint32_t end) {
       for (std::uint32_t row = begin; row < end; ++row) {
         level_[row] = std::min(level_[row], classed(urgency4(needs_[0][row]), reach4, before_[row]));
