@@ -3,7 +3,7 @@
 // leaks into the rest of the program.
 #include "core/kernels.hpp"
 
-#if defined(__AVX__)
+#if defined(__SSE2__)
 #include <immintrin.h>
 #endif
 
@@ -12,8 +12,10 @@ namespace {
 
 #if defined(__AVX512F__)
 constexpr int kWidth = 8;
-#else
+#elif defined(__AVX__)
 constexpr int kWidth = 4;
+#else
+constexpr int kWidth = 2;
 #endif
 typedef double Real [[gnu::vector_size(8 * kWidth)]];
 typedef std::int64_t Int [[gnu::vector_size(8 * kWidth)]];
@@ -21,8 +23,6 @@ typedef double RealOut [[gnu::vector_size(8 * kWidth), gnu::aligned(8)]];  // wh
 typedef std::int64_t IntOut [[gnu::vector_size(8 * kWidth), gnu::aligned(8)]];
 typedef double Real4 [[gnu::vector_size(32)]];
 typedef std::int64_t Int4 [[gnu::vector_size(32)]];
-
-constexpr int kBlock = 128;  // pairs whose forces wait in the first-level cache
 
 #define GC_INLINE [[gnu::always_inline]] inline
 
@@ -33,6 +33,8 @@ GC_INLINE Real square_root(Real x) {
   return __builtin_ia32_sqrtpd512_mask(x, x, static_cast<unsigned char>(-1), _MM_FROUND_CUR_DIRECTION);
 #elif defined(__AVX__)
   return (Real)_mm256_sqrt_pd((__m256d)x);
+#elif defined(__SSE2__)
+  return (Real)_mm_sqrt_pd((__m128d)x);
 #else
   Real root;
   for (int k = 0; k < kWidth; ++k) root[k] = __builtin_sqrt(x[k]);
@@ -52,6 +54,8 @@ GC_INLINE unsigned lane_bits(Int mask) {
   return _mm512_movepi64_mask((__m512i)mask);
 #elif defined(__AVX__)
   return static_cast<unsigned>(_mm256_movemask_pd((__m256d)mask));
+#elif defined(__SSE2__)
+  return static_cast<unsigned>(_mm_movemask_pd((__m128d)mask));
 #else
   unsigned bits = 0;
   for (int k = 0; k < kWidth; ++k) bits |= (mask[k] != 0 ? 1U : 0U) << k;
@@ -74,15 +78,15 @@ struct Relative {
 };
 
 GC_INLINE Relative relative(const BallRow* rows, const std::uint32_t* i, const std::uint32_t* j) {
-  constexpr std::int64_t kSign = INT64_MIN;
   Relative out;
 #if defined(__AVX512F__)
-  // r and a are to be added: their sign is flipped before the difference.
-  const Int flip = {0, 0, 0, kSign, 0, 0, 0, kSign};
+  // r and a are added, the rest is subtracted: a product with 1 or -1 is exact, so fusing it changes no bit.
+  const Real sign = {-1.0, -1.0, -1.0, 1.0, -1.0, -1.0, -1.0, 1.0};
   Real d[8];
 #pragma GCC unroll 8
   for (int k = 0; k < 8; ++k) {
-    d[k] = *reinterpret_cast<const Real*>(rows + i[k]) - (Real)(*reinterpret_cast<const Int*>(rows + j[k]) ^ flip);
+    d[k] = (Real)_mm512_fmadd_pd((__m512d)*reinterpret_cast<const Real*>(rows + j[k]), (__m512d)sign,
+                                 (__m512d)*reinterpret_cast<const Real*>(rows + i[k]));
   }
   Real e[8];
 #pragma GCC unroll 4
@@ -104,7 +108,8 @@ GC_INLINE Relative relative(const BallRow* rows, const std::uint32_t* i, const s
   out.vz = __builtin_shuffle(x26, z26, second);
   out.radii = __builtin_shuffle(y26, w26, first);
   out.a = __builtin_shuffle(y26, w26, second);
-#else
+#elif defined(__AVX__)
+  constexpr std::int64_t kSign = INT64_MIN;
   const Int flip = {0, 0, 0, kSign};
 #pragma GCC unroll 2
   for (int half = 0; half < 2; ++half) {
@@ -122,6 +127,19 @@ GC_INLINE Relative relative(const BallRow* rows, const std::uint32_t* i, const s
     (half == 0 ? out.z : out.vz) = __builtin_shuffle(e0, e2, high);
     (half == 0 ? out.radii : out.a) = __builtin_shuffle(e1, e3, high);
   }
+#else
+  const Int low = {0, 2}, high = {1, 3};
+  const auto components = [&](int quarter, Real& first, Real& second) __attribute__((always_inline)) {
+    const Real i0 = reinterpret_cast<const Real*>(rows + i[0])[quarter], i1 = reinterpret_cast<const Real*>(rows + i[1])[quarter];
+    const Real j0 = reinterpret_cast<const Real*>(rows + j[0])[quarter], j1 = reinterpret_cast<const Real*>(rows + j[1])[quarter];
+    first = __builtin_shuffle(i0, i1, low) - __builtin_shuffle(j0, j1, low);
+    const Real of_i = __builtin_shuffle(i0, i1, high), of_j = __builtin_shuffle(j0, j1, high);
+    second = quarter % 2 == 0 ? of_i - of_j : of_i + of_j;
+  };
+  components(0, out.x, out.y);
+  components(1, out.z, out.radii);
+  components(2, out.vx, out.vy);
+  components(3, out.vz, out.a);
 #endif
   return out;
 }
@@ -129,8 +147,10 @@ GC_INLINE Relative relative(const BallRow* rows, const std::uint32_t* i, const s
 /// Writes kWidth rows (x, y, z, 0). Slot s belongs to pair kSlotPair[s] of the group.
 #if defined(__AVX512F__)
 constexpr int kSlotPair[8] = {0, 4, 2, 6, 1, 5, 3, 7};
-#else
+#elif defined(__AVX__)
 constexpr int kSlotPair[4] = {0, 2, 1, 3};
+#else
+constexpr int kSlotPair[2] = {0, 1};
 #endif
 GC_INLINE void store_rows(Int x, Int y, Int z, IntVec* out) {
   const Int zero = {};
@@ -144,7 +164,7 @@ GC_INLINE void store_rows(Int x, Int y, Int z, IntVec* out) {
   rows[1] = __builtin_shuffle(a0, b0, high);
   rows[2] = __builtin_shuffle(a1, b1, low);
   rows[3] = __builtin_shuffle(a1, b1, high);
-#else
+#elif defined(__AVX__)
   const Int even = {0, 4, 2, 6}, odd = {1, 5, 3, 7}, low = {0, 1, 4, 5}, high = {2, 3, 6, 7};
   const Int a0 = __builtin_shuffle(x, y, even), a1 = __builtin_shuffle(x, y, odd);
   const Int b0 = __builtin_shuffle(z, zero, even), b1 = __builtin_shuffle(z, zero, odd);
@@ -152,6 +172,12 @@ GC_INLINE void store_rows(Int x, Int y, Int z, IntVec* out) {
   rows[1] = __builtin_shuffle(a0, b0, high);
   rows[2] = __builtin_shuffle(a1, b1, low);
   rows[3] = __builtin_shuffle(a1, b1, high);
+#else
+  const Int low = {0, 2}, high = {1, 3};
+  rows[0] = __builtin_shuffle(x, y, low);
+  rows[1] = __builtin_shuffle(z, zero, low);
+  rows[2] = __builtin_shuffle(x, y, high);
+  rows[3] = __builtin_shuffle(z, zero, high);
 #endif
 }
 
@@ -176,13 +202,13 @@ struct Evaluated {
   unsigned candidates;
 };
 
-/// What is left of two rows when they have been gathered: small, so that the long chain of root and
-/// division that follows runs over many pairs at once.
+/// What is left of two rows when they have been gathered.
 struct Gathered {
-  Real x, y, z, radii;  // m
-  Real square;          // m2, distance squared
-  Real product;         // m2/s, relative position times velocity
-  Real a, v2;           // m/s2, m2/s2; only for event candidates
+  Real x, y, z, radii;   // m
+  Real square;           // m2, distance squared
+  Real product;          // m2/s, relative position times velocity
+  Real length, inverse;  // m, 1/m, of the distance; by take_root()
+  Real a, v2;            // m/s2, m2/s2; only for event candidates
 };
 
 template <bool kEvents>
@@ -202,11 +228,16 @@ GC_INLINE Gathered gather(const BallRow* rows, const std::uint32_t* i, const std
   return out;
 }
 
+/// Apart from gather() and evaluate(): root and quotient take longest, and other groups go on meanwhile.
+GC_INLINE void take_root(Gathered& d) {
+  d.length = square_root(d.square);
+  d.inverse = splat(1.0) / d.length;
+}
+
 template <class T, bool kEvents>
 GC_INLINE Evaluated evaluate(const Gathered& d, const SweepLaw& law, LaneTotals& totals) {
-  const Real one = splat(1.0), zero = {};
-  const Real length = square_root(d.square);
-  const Real inverse = one / length;
+  const Real zero = {};
+  const Real length = d.length, inverse = d.inverse;
   Evaluated out;
   out.nx = d.x * inverse;
   out.ny = d.y * inverse;
@@ -266,36 +297,43 @@ GC_INLINE void note_candidates(unsigned bits, std::size_t first, Candidates& can
   }
 }
 
-template <class T, bool kEvents>
-GC_INLINE void sweep_block(const BallRow* rows, const PairSpan& pairs, std::size_t first, std::size_t last,
-                           const SweepLaw& law, IntVec* buffer, LaneTotals& totals, Candidates* candidates) {
-  Gathered gathered[kBlock / kWidth];
-  Gathered* next = gathered;
-  for (std::size_t p = first; p < last; p += kWidth) *next++ = gather<kEvents>(rows, pairs.i + p, pairs.j + p);
-  next = gathered;
-  for (std::size_t p = first; p < last; p += kWidth) {
-    const Evaluated e = evaluate<T, kEvents>(*next++, law, totals);
-    store_rows(e.fx, e.fy, e.fz, buffer + (p - first));
-    if constexpr (kEvents) note_candidates(e.candidates, p, *candidates);
-  }
-}
+constexpr std::size_t kPrefetch = 64;  // pairs ahead whose second rows are fetched; 32 to 128 measure alike
 
-/// Evaluates all pairs block by block and calls add(pair, force) for each.
+/// Evaluates all pairs and calls add(pair, force) for each.
 template <class T, bool kEvents, class Add>
 GC_INLINE void sweep_pairs(const BallRow* rows, const PairSpan& pairs, const SweepLaw& law_in, SweepTotals& totals,
                            Candidates* candidates, Add add) {
+  if (pairs.n == 0) return;
   const SweepLaw law = law_in;
-  alignas(64) IntVec buffer[kBlock];
+  // A pipeline: one turn of the loop does four groups' stages, so that no group waits for its own long chain.
+  Gathered ring[4];
+  alignas(64) IntVec force[2][kWidth];
   LaneTotals lanes;
-  const Int4* force = reinterpret_cast<const Int4*>(buffer);
-  for (std::size_t first = 0; first < pairs.n; first += kBlock) {
-    const std::size_t last = first + kBlock < pairs.n ? first + kBlock : pairs.n;
-    sweep_block<T, kEvents>(rows, pairs, first, last, law, buffer, lanes, candidates);
-    for (std::size_t p = first; p < last; p += kWidth) {
+  const std::size_t last = pairs.n - kWidth;
+  const auto start = [&](std::size_t p, Gathered& out) __attribute__((always_inline)) {
+    const std::size_t at = p < last ? p : last;
+    const std::uint32_t* ahead = pairs.j + (p + kPrefetch < last ? p + kPrefetch : last);
 #pragma GCC unroll 8
-      for (int s = 0; s < kWidth; ++s) add(p + kSlotPair[s], force[p - first + s]);
-    }
+    for (int k = 0; k < kWidth; ++k) __builtin_prefetch(rows + ahead[k]);
+    out = gather<kEvents>(rows, pairs.i + at, pairs.j + at);
+  };
+  const auto end = [&](std::size_t p, const IntVec* forces) __attribute__((always_inline)) {
+    const Int4* f = reinterpret_cast<const Int4*>(forces);
+#pragma GCC unroll 8
+    for (int s = 0; s < kWidth; ++s) add(p + kSlotPair[s], f[s]);
+  };
+  start(0, ring[0]);
+  start(kWidth, ring[1]);
+  take_root(ring[0]);
+  for (std::size_t p = 0, turn = 0; p < pairs.n; p += kWidth, ++turn) {
+    start(p + 2 * kWidth, ring[(turn + 2) % 4]);
+    take_root(ring[(turn + 1) % 4]);
+    const Evaluated e = evaluate<T, kEvents>(ring[turn % 4], law, lanes);
+    store_rows(e.fx, e.fy, e.fz, force[turn % 2]);
+    if constexpr (kEvents) note_candidates(e.candidates, p, *candidates);
+    if (turn > 0) end(p - kWidth, force[(turn + 1) % 2]);
   }
+  end(last, force[(pairs.n / kWidth + 1) % 2]);
   lanes.add_to(totals);
 }
 
@@ -304,7 +342,7 @@ void sweep_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, IntVe
                  Candidates* candidates) {
   Int4* ball = reinterpret_cast<Int4*>(sums);
   const bool both = law.both;
-  sweep_pairs<T, kEvents>(rows, pairs, law, totals, candidates, [=](std::size_t pair, Int4 f) [[gnu::always_inline]] {
+  sweep_pairs<T, kEvents>(rows, pairs, law, totals, candidates, [=](std::size_t pair, Int4 f) __attribute__((always_inline)) {
     ball[pairs.i[pair]] += f;
     if (both) ball[pairs.j[pair]] -= f;
   });
@@ -327,7 +365,7 @@ void weighted_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, in
                     SweepTotals& totals, Candidates* candidates) {
   Int4* ball = reinterpret_cast<Int4*>(sums);
   const bool both = law.both;
-  sweep_pairs<T, kEvents>(rows, pairs, law, totals, candidates, [=](std::size_t pair, Int4 f) [[gnu::always_inline]] {
+  sweep_pairs<T, kEvents>(rows, pairs, law, totals, candidates, [=](std::size_t pair, Int4 f) __attribute__((always_inline)) {
     add_weighted(ball, pairs, pair, f, f << shift, both);
   });
 }
@@ -339,7 +377,9 @@ void record_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law_in, P
   LaneTotals lanes;
   alignas(64) IntVec buffer[kWidth];
   for (std::size_t p = 0; p < pairs.n; p += kWidth) {
-    const Evaluated e = evaluate<T, true>(gather<true>(rows, pairs.i + p, pairs.j + p), law, lanes);
+    Gathered gathered = gather<true>(rows, pairs.i + p, pairs.j + p);
+    take_root(gathered);
+    const Evaluated e = evaluate<T, true>(gathered, law, lanes);
     *reinterpret_cast<RealOut*>(out.overlap + p) = e.overlap;
     *reinterpret_cast<RealOut*>(out.rate + p) = e.rate;
     *reinterpret_cast<RealOut*>(out.speed + p) = e.speed;
