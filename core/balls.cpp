@@ -47,14 +47,12 @@ BallId Balls::id_of(std::uint32_t row) const {
   return row < content_count() ? id[row] : fixed_id[row - first_fixed_row()];
 }
 
-void Balls::reorder(std::span<const std::uint32_t> order) {
-  std::vector<BallRow> moved;
-  moved.reserve(order.size() + 1 + fixed_count());
-  for (const std::uint32_t from : order) moved.push_back(rows[from]);
-  moved.insert(moved.end(), rows.begin() + content_count(), rows.end());
-  rows.swap(moved);
-  reorder_like(inverse_mass, order);
-  reorder_like(id, order);
+void Balls::reorder(std::span<const std::uint32_t> order, int threads) {
+  const auto others = rows.begin() + content_count();
+  reorder_values(rows.data(), order, spare, threads);
+  rows.erase(rows.begin() + static_cast<std::ptrdiff_t>(order.size()), others);
+  reorder_like(inverse_mass, order, spare, threads);
+  reorder_like(id, order, spare, threads);
 }
 
 }  // namespace grainclock::core

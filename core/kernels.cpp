@@ -609,6 +609,8 @@ AdvanceReport watch(const BallRow* rows, const StraightPath* expected, double se
   return report;
 }
 
+#include "core/pair_search.hpp"
+
 #define GC_STRING_(x) #x
 #define GC_STRING(x) GC_STRING_(x)
 #define GC_PASTE_(a, b) a##b
@@ -618,6 +620,6 @@ AdvanceReport watch(const BallRow* rows, const StraightPath* expected, double se
 
 extern const Kernels GC_PASTE(kernels_, GRAINCLOCK_KERNEL_SET);
 const Kernels GC_PASTE(kernels_, GRAINCLOCK_KERNEL_SET) = {
-    GC_STRING(GRAINCLOCK_KERNEL_SET), sweep, sweep_weighted, record, sum_recorded, total_recorded, advance<false>, advance<true>, drift, kick, watch};
+    GC_STRING(GRAINCLOCK_KERNEL_SET), sweep, sweep_weighted, record, sum_recorded, total_recorded, advance<false>, advance<true>, drift, kick, watch, find_pairs};
 
 }  // namespace grainclock::core

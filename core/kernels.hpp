@@ -96,6 +96,22 @@ struct KickParameters {
   int level;           // balls of this level or finer end their steps now
 };
 
+/// Spheres sorted by cubes: `start[c] .. start[c + 1]` are in cube c = (z size[1] + y) size[0] + x. Spheres that meet are in the
+/// same cube or in neighbouring ones. The arrays can be read kLanes beyond their ends.
+struct CubedSpheres {
+  const double *x, *y, *z, *reach;  // m
+  const std::uint32_t* start;
+  std::int32_t size[3];
+};
+/// How far a search for pairs has come, and where it puts them.
+struct PairSearch {
+  std::size_t cube, end_cube;  // to be searched
+  std::uint32_t row;           // first sphere that has not been searched, in `cube`
+  std::uint32_t *i, *j;
+  std::size_t n = 0, room = 0;  // pairs found, and for how many there is room
+  std::size_t wanted = 0;       // room without which the search did not go on
+};
+
 struct Kernels {
   const char* name;
   /// Adds the force of every pair to `sums[i]` (and its reaction to `sums[j]`).
@@ -129,6 +145,9 @@ struct Kernels {
   /// step of `AdvanceParameters` later; and against the domain.
   AdvanceReport (*watch)(const BallRow* rows, const StraightPath* expected, double seconds, const AdvanceParameters&,
                          std::size_t begin, std::size_t end);
+  /// Appends every pair of spheres that meet, i < j, i in the cubes [cube, end_cube), in ascending order of i and j.
+  /// Stops early if the room might not do for the next sphere.
+  void (*find_pairs)(const CubedSpheres&, PairSearch&);
 };
 
 /// The best set this processor runs.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "core/balls.hpp"
+#include "core/cube_grid.hpp"
 #include "core/kernels.hpp"
 
 #include <utility>
@@ -29,17 +30,20 @@ struct SkinRule {
   static SkinRule for_diameter(double mean_diameter);
 };
 
-/// Half lists: content against content (i < j) and content against fixed balls.
+/// Half lists: content against content (i < j) and content against fixed balls, both in ascending order of i, and of j where
+/// i is the same. All memory is kept from build to build.
 class NeighbourList {
  public:
   NeighbourList() = default;
   /// `reach`: largest gap at which a pair interacts [m].
-  NeighbourList(double reach, SkinRule rule, int threads) : reach_(reach), rule_(rule), threads_(threads) {}
+  NeighbourList(double reach, SkinRule rule, int threads, const Kernels& kernels = core::kernels())
+      : reach_(reach), rule_(rule), threads_(threads), kernels_(&kernels) {}
 
   /// Sorts the content of `balls` into cubes and lists all pairs that can come within reach while every
-  /// ball keeps to its skin. Returns the order applied (see Balls::reorder): arrays that
-  /// run beside the rows must follow it. `leaving` marks rows to be removed (may be empty).
-  std::vector<std::uint32_t> build(Balls& balls, const std::vector<std::uint8_t>& leaving = {});
+  /// ball keeps to its skin. Returns the order applied (see Balls::reorder), which lasts until the next build: arrays that
+  /// run beside the rows must follow it. `leaving` marks rows to be removed (may be empty). The fixed
+  /// balls must be the same at every call.
+  const std::vector<std::uint32_t>& build(Balls& balls, const std::vector<std::uint8_t>& leaving = {});
 
   const PairList& ball_pairs() const { return ball_pairs_; }
   const PairList& fixed_pairs() const { return fixed_pairs_; }
@@ -48,12 +52,53 @@ class NeighbourList {
   std::uint64_t builds() const { return builds_; }
 
  private:
+  /// What one thread finds.
+  struct Share {
+    PairList balls, fixed;              // of its rows; the first thread's own are in the list itself
+    std::vector<std::uint32_t> wide;    // its rows whose sphere is larger than the common one
+    std::vector<std::uint64_t> beyond;  // pairs of these, i 2^32 + j, in any order
+    std::vector<std::uint64_t> late;    // pairs of its rows that any thread found so, sorted
+  };
+  /// Which fixed balls are in each cube of a grid of their own, or in a neighbour of it. Made once.
+  struct FixedBalls {
+    CubeGrid grid;
+    std::vector<std::uint32_t> start, ball;  // ball[start[c]] .. ball[start[c + 1]], numbers of fixed balls, ascending
+    double largest_radius = 0.0;            // m
+    bool serves(double reach) const;
+    void sort(const Balls& balls, double reach);
+  };
+
+  Vec3 reference(const BallRow& row) const;
+  double skin(const BallRow& row) const;
+  void choose_cubes(const Balls& balls);
+  void sort_content(Balls& balls, const std::vector<std::uint8_t>& leaving);
+  void place_spheres(const Balls& balls, int thread);
+  void find_beyond(int thread);
+  void find_ball_pairs(int thread);
+  void find_fixed_pairs(const Balls& balls, int thread);
+  void join(PairList& list, PairList Share::*part, std::uint32_t far);
+  /// Calls work(thread) for all threads at once.
+  template <class Work>
+  void in_parallel(Work work);
+  /// Where a thread's share of the cubes and their rows begins; shares are about equal in rows.
+  std::size_t first_cube(int thread) const;
+  std::uint32_t first_row(int thread) const;
+
   double reach_ = 0.0;
   SkinRule rule_;
   int threads_ = 1;
+  const Kernels* kernels_ = nullptr;
   PairList ball_pairs_, fixed_pairs_;
   std::vector<SkinReference> skins_;
   std::uint64_t builds_ = 0;
+
+  CubeGrid grid_;
+  double common_ = 0.0;  // m, largest sphere that the grid allows for
+  CubeSort sorted_;
+  std::vector<double> x_, y_, z_, sphere_;  // m, references and spheres of the sorted rows; wide ones lie at infinity
+  std::vector<double> sample_;
+  std::vector<Share> shares_;
+  FixedBalls fixed_;
 };
 
 /// Every pair (i < j, i content) whose gap is at most `reach` [m], by testing all; sorted.

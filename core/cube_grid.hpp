@@ -1,0 +1,70 @@
+// Equal cubes over a box, and the sort of points into them (the paper, section 3).
+#pragma once
+
+#include "core/state.hpp"
+
+#include <vector>
+
+namespace grainclock::core {
+
+/// Cubes over a box. What lies outside belongs to the cubes of the rim, so points that are near each other are in
+/// neighbouring cubes wherever they are.
+class CubeGrid {
+ public:
+  CubeGrid() = default;
+  /// Cubes of at least `edge` [m]; larger ones where the box would take more than `most`.
+  CubeGrid(const Vec3& low, const Vec3& high, double edge, double most);
+
+  std::size_t cubes() const { return static_cast<std::size_t>(size_[0]) * size_[1] * size_[2]; }
+  const std::int32_t* size() const { return size_; }
+  double edge() const { return edge_; }
+
+  /// Cube coordinate along an axis; a NaN goes to cube 0.
+  std::int32_t coordinate(double x, int axis) const {
+    const double scaled = (x - low_[axis]) * inverse_edge_;
+    return scaled > 0.0 ? static_cast<std::int32_t>(std::min(scaled, last_[axis])) : 0;
+  }
+  std::size_t index(std::int32_t x, std::int32_t y, std::int32_t z) const {
+    return (static_cast<std::size_t>(z) * size_[1] + y) * size_[0] + x;
+  }
+  std::size_t index(const Vec3& x) const {
+    return index(coordinate(x[0], 0), coordinate(x[1], 1), coordinate(x[2], 2));
+  }
+
+  /// Calls visit(first, last) for each line of cubes along x, from first to last, that together hold all that is within
+  /// `margin` [m] of x in every coordinate.
+  template <class Visit>
+  void visit_lines(const Vec3& x, double margin, Visit visit) const {
+    const std::int32_t x0 = coordinate(x[0] - margin, 0), x1 = coordinate(x[0] + margin, 0);
+    const std::int32_t y0 = coordinate(x[1] - margin, 1), y1 = coordinate(x[1] + margin, 1);
+    const std::int32_t z0 = coordinate(x[2] - margin, 2), z1 = coordinate(x[2] + margin, 2);
+    for (std::int32_t z = z0; z <= z1; ++z) {
+      for (std::int32_t y = y0; y <= y1; ++y) visit(index(x0, y, z), index(x1, y, z));
+    }
+  }
+
+ private:
+  Vec3 low_ = Vec3::Zero();
+  double edge_ = 1.0, inverse_edge_ = 1.0;  // m, 1/m
+  double last_[3] = {0.0, 0.0, 0.0};        // size - 1
+  std::int32_t size_[3] = {1, 1, 1};
+};
+
+/// Points in order of their cubes, within a cube as they were. Keeps its memory.
+class CubeSort {
+ public:
+  static constexpr std::uint32_t kNowhere = ~std::uint32_t{0};  // cube of a point that is left out
+
+  /// The cube of each point, to be filled in before sort().
+  std::vector<std::uint32_t>& cube() { return cube_; }
+  void sort(std::size_t cubes, int threads);
+
+  /// The points of cube c are order()[start()[c] .. start()[c + 1]).
+  const std::vector<std::uint32_t>& order() const { return order_; }
+  const std::uint32_t* start() const { return start_.data(); }
+
+ private:
+  std::vector<std::uint32_t> cube_, order_, start_;
+};
+
+}  // namespace grainclock::core
