@@ -34,7 +34,7 @@ struct Options {
 struct Measured {
   double ball_updates = 0.0, contact_evaluations = 0.0;
   double seconds = 0.0;
-  double rate() const { return ball_updates / seconds; }            // ball-steps/s
+  double rate() const { return ball_updates / seconds; }             // ball-steps/s
   double per_pair() const { return seconds / contact_evaluations; }  // s
 };
 
@@ -56,7 +56,9 @@ void add_options(CLI::App& app, Options& o) {
   app.add_option("--threads", o.threads, "Threads")->check(CLI::Range(1, 1024))->capture_default_str();
   app.add_option("--steps", o.steps, "Steps per repeat")->check(CLI::PositiveNumber)->capture_default_str();
   app.add_option("--repeats", o.repeats, "Repeats")->check(CLI::PositiveNumber)->capture_default_str();
-  app.add_option("--kernels", o.kernels, "Instruction set of the hot loops")->check(CLI::IsMember(kernel_names()))->capture_default_str();
+  app.add_option("--kernels", o.kernels, "Instruction set of the hot loops")
+      ->check(CLI::IsMember(kernel_names()))
+      ->capture_default_str();
   app.add_flag("--open", o.open, "Leave the outlet's plug out; what passes it goes on falling");
   app.add_flag("--events", o.events, "Correct steps in which a contact changes branch");
 }
@@ -92,10 +94,13 @@ void run(const Options& o) {
     std::fflush(stdout);
   }
   const auto middle = repeats.begin() + (o.repeats - 1) / 2;
-  std::nth_element(repeats.begin(), middle, repeats.end(), [](const Measured& a, const Measured& b) { return a.rate() < b.rate(); });
-  fmt::print("median {:.1f} million ball-steps/s, {:.2f} ns per listed pair, {:.2f} listed pairs per ball; {} kernels, {} thread{}\n",
-             1e-6 * middle->rate(), 1e9 * middle->per_pair(), middle->contact_evaluations / middle->ball_updates, o.kernels,
-             o.threads, o.threads == 1 ? "" : "s");
+  std::nth_element(repeats.begin(), middle, repeats.end(),
+                   [](const Measured& a, const Measured& b) { return a.rate() < b.rate(); });
+  fmt::print(
+      "median {:.1f} million ball-steps/s, {:.2f} ns per listed pair, {:.2f} listed pairs per ball; {} kernels, {} "
+      "thread{}\n",
+      1e-6 * middle->rate(), 1e9 * middle->per_pair(), middle->contact_evaluations / middle->ball_updates, o.kernels,
+      o.threads, o.threads == 1 ? "" : "s");
 }
 
 }  // namespace
