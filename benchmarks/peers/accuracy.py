@@ -10,7 +10,7 @@ from study_charts import cost_at
 from turns import in_turns
 
 ERRORS = (1e-3, 1e-4)   # that codes are compared at
-LONG, VERY_LONG = 10.0, 30.0  # s: longer runs average the clock's moods themselves and are run twice, or once
+LONG, VERY_LONG = 10.0, 30.0  # s: a peer's longer runs average the clock's moods themselves and are run twice, or once
 
 
 @dataclass
@@ -102,8 +102,10 @@ def measure(points, judge, rounds):
 
     def wanted(key, results):
         point = points[key]
+        if point.kernels:
+            return True  # a study is whole or none
         if not point.seconds:
-            return point.kernels != "" or not is_fine_enough(points, point)
+            return not is_fine_enough(points, point)
         return point.time() < (LONG if len(point.seconds) > 1 else VERY_LONG)
 
     # All codes' coarsest first, then all codes' next: neighbours in time are neighbours in the chart.

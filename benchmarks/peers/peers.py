@@ -34,12 +34,11 @@ class Plan:
     scan_steps: int        # of a run that tries one
     fine_step: float       # s, for which skins are tried once more
     steps: dict            # peer -> steps [s] of the sweep, the coarsest first
-    accuracy_rounds: int
 
 
 FINE_STEPS = (8e-5, 4e-5, 2e-5, 1e-5, 5e-6, 2.5e-6)
-FULL = Plan(800, 5, (0.005, 0.01, 0.02, 0.03, 0.045, 0.07), 400, 1e-5, {"LAMMPS": FINE_STEPS, "LIGGGHTS": FINE_STEPS, "YADE": FINE_STEPS[:3]}, 3)
-QUICK = Plan(2000, 2, (0.01, 0.03, 0.06), 1000, 1e-5, {"LAMMPS": FINE_STEPS[:5], "LIGGGHTS": FINE_STEPS[:5], "YADE": FINE_STEPS[:2]}, 2)
+FULL = Plan(800, 5, (0.005, 0.01, 0.02, 0.03, 0.045, 0.07), 400, 1e-5, {"LAMMPS": FINE_STEPS, "LIGGGHTS": FINE_STEPS, "YADE": FINE_STEPS[:3]})
+QUICK = Plan(2000, 2, (0.01, 0.03, 0.06), 1000, 1e-5, {"LAMMPS": FINE_STEPS[:5], "LIGGGHTS": FINE_STEPS[:5], "YADE": FINE_STEPS[:2]})
 
 
 def options():
@@ -113,7 +112,7 @@ class Comparison:
             points += accuracy.peer_points(peer, self.flow, self.plan.steps[peer.name], self.skin_at(peer, skins), horizon,
                                            self.folder(self.flow, peer.name))
         say("errors and clocks")
-        points = accuracy.measure(points, judge, self.plan.accuracy_rounds)
+        points = accuracy.measure(points, judge, default.plan["repeat"])
         require_same_errors([p for p in points if p.kernels == tables.OURS], default)
         costs = accuracy.costs(points)
         tables.write_csv(self.out / "accuracy.csv", tables.accuracy_rows(points))
