@@ -143,7 +143,7 @@ def draw_bars(axes, timings, title):
     axes.grid(axis="x", color=GRID)
     axes.set_axisbelow(True)
     if sets != [""]:
-        axes.legend(frameon=False, fontsize=8)
+        axes.legend(frameon=False, fontsize=8, loc="lower right")
 
 
 def draw_terms(axes, terms, rounds_of, title):
