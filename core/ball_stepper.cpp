@@ -94,7 +94,10 @@ void BallStepper::load_synchronised(const State& state) {
 void BallStepper::build_list(const std::vector<std::uint8_t>& leaving) {
   const std::vector<std::uint32_t> order = list_.build(balls_, leaving);
   reorder_like(impacted_, order);
-  if (!evaluated_.empty()) reorder_like(evaluated_, order);
+  if (!evaluated_.empty()) {
+    reorder_like(evaluated_, order);
+    evaluated_.insert(evaluated_.end(), balls_.rows.begin() + balls_.far_row(), balls_.rows.end());
+  }
   follow_order(order);
   if (!leaving.empty()) weigh();
 }

@@ -65,7 +65,7 @@ class BallStepper : public Stepper {
   ForceScale scale_;
   Ledger ledger_;
   Costs costs_;
-  std::vector<BallRow> evaluated_;   // content rows of the last evaluation, in the order of balls_
+  std::vector<BallRow> evaluated_;   // rows of the last evaluation that a restart or a renewal begins with
   std::vector<std::uint8_t> impacted_;  // per content row, only used with first_impact
   double length_scale_ = 0.0;
   double step_ = 0.0;

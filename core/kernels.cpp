@@ -25,6 +25,7 @@ typedef double Real4 [[gnu::vector_size(32)]];
 typedef std::int64_t Int4 [[gnu::vector_size(32)]];
 
 #define GC_INLINE [[gnu::always_inline]] inline
+#define GC_INLINE_LAMBDA __attribute__((always_inline))
 
 GC_INLINE Real splat(double value) { return Real{} + value; }
 
@@ -129,7 +130,7 @@ GC_INLINE Relative relative(const BallRow* rows, const std::uint32_t* i, const s
   }
 #else
   const Int low = {0, 2}, high = {1, 3};
-  const auto components = [&](int quarter, Real& first, Real& second) __attribute__((always_inline)) {
+  const auto components = [&](int quarter, Real& first, Real& second) GC_INLINE_LAMBDA {
     const Real i0 = reinterpret_cast<const Real*>(rows + i[0])[quarter], i1 = reinterpret_cast<const Real*>(rows + i[1])[quarter];
     const Real j0 = reinterpret_cast<const Real*>(rows + j[0])[quarter], j1 = reinterpret_cast<const Real*>(rows + j[1])[quarter];
     first = __builtin_shuffle(i0, i1, low) - __builtin_shuffle(j0, j1, low);
@@ -299,25 +300,24 @@ GC_INLINE void note_candidates(unsigned bits, std::size_t first, Candidates& can
 
 constexpr std::size_t kPrefetch = 64;  // pairs ahead whose second rows are fetched; 32 to 128 measure alike
 
-/// Evaluates all pairs and calls add(pair, force) for each.
-template <class T, bool kEvents, class Add>
-GC_INLINE void sweep_pairs(const BallRow* rows, const PairSpan& pairs, const SweepLaw& law_in, SweepTotals& totals,
-                           Candidates* candidates, Add add) {
+/// Evaluates all pairs, calls see(first pair, Evaluated) for each group and add(pair, force) for each pair.
+template <class T, bool kEvents, class See, class Add>
+GC_INLINE void sweep_pairs(const BallRow* rows, const PairSpan& pairs, const SweepLaw& law_in, LaneTotals& lanes,
+                           Candidates* candidates, See see, Add add) {
   if (pairs.n == 0) return;
   const SweepLaw law = law_in;
   // A pipeline: one turn of the loop does four groups' stages, so that no group waits for its own long chain.
   Gathered ring[4];
   alignas(64) IntVec force[2][kWidth];
-  LaneTotals lanes;
   const std::size_t last = pairs.n - kWidth;
-  const auto start = [&](std::size_t p, Gathered& out) __attribute__((always_inline)) {
+  const auto start = [&](std::size_t p, Gathered& out) GC_INLINE_LAMBDA {
     const std::size_t at = p < last ? p : last;
     const std::uint32_t* ahead = pairs.j + (p + kPrefetch < last ? p + kPrefetch : last);
 #pragma GCC unroll 8
     for (int k = 0; k < kWidth; ++k) __builtin_prefetch(rows + ahead[k]);
     out = gather<kEvents>(rows, pairs.i + at, pairs.j + at);
   };
-  const auto end = [&](std::size_t p, const IntVec* forces) __attribute__((always_inline)) {
+  const auto end = [&](std::size_t p, const IntVec* forces) GC_INLINE_LAMBDA {
     const Int4* f = reinterpret_cast<const Int4*>(forces);
 #pragma GCC unroll 8
     for (int s = 0; s < kWidth; ++s) add(p + kSlotPair[s], f[s]);
@@ -330,22 +330,25 @@ GC_INLINE void sweep_pairs(const BallRow* rows, const PairSpan& pairs, const Swe
     take_root(ring[(turn + 1) % 4]);
     const Evaluated e = evaluate<T, kEvents>(ring[turn % 4], law, lanes);
     store_rows(e.fx, e.fy, e.fz, force[turn % 2]);
+    see(p, e);
     if constexpr (kEvents) note_candidates(e.candidates, p, *candidates);
     if (turn > 0) end(p - kWidth, force[(turn + 1) % 2]);
   }
   end(last, force[(pairs.n / kWidth + 1) % 2]);
-  lanes.add_to(totals);
 }
+constexpr auto kIgnore = [](std::size_t, const Evaluated&) {};
 
 template <class T, bool kEvents>
 void sweep_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, IntVec* sums, SweepTotals& totals,
                  Candidates* candidates) {
   Int4* ball = reinterpret_cast<Int4*>(sums);
   const bool both = law.both;
-  sweep_pairs<T, kEvents>(rows, pairs, law, totals, candidates, [=](std::size_t pair, Int4 f) __attribute__((always_inline)) {
+  LaneTotals lanes;
+  sweep_pairs<T, kEvents>(rows, pairs, law, lanes, candidates, kIgnore, [=](std::size_t pair, Int4 f) GC_INLINE_LAMBDA {
     ball[pairs.i[pair]] += f;
     if (both) ball[pairs.j[pair]] -= f;
   });
+  lanes.add_to(totals);
 }
 
 /// Adds a force and its weighted impulse to both balls of a pair, or to the first alone.
@@ -365,64 +368,73 @@ void weighted_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, in
                     SweepTotals& totals, Candidates* candidates) {
   Int4* ball = reinterpret_cast<Int4*>(sums);
   const bool both = law.both;
-  sweep_pairs<T, kEvents>(rows, pairs, law, totals, candidates, [=](std::size_t pair, Int4 f) __attribute__((always_inline)) {
+  LaneTotals lanes;
+  sweep_pairs<T, kEvents>(rows, pairs, law, lanes, candidates, kIgnore, [=](std::size_t pair, Int4 f) GC_INLINE_LAMBDA {
     add_weighted(ball, pairs, pair, f, f << shift, both);
   });
-}
-
-template <class T>
-void record_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law_in, PairRecords out, SweepTotals& totals,
-                  Candidates* candidates) {
-  const SweepLaw law = law_in;
-  LaneTotals lanes;
-  alignas(64) IntVec buffer[kWidth];
-  for (std::size_t p = 0; p < pairs.n; p += kWidth) {
-    Gathered gathered = gather<true>(rows, pairs.i + p, pairs.j + p);
-    take_root(gathered);
-    const Evaluated e = evaluate<T, true>(gathered, law, lanes);
-    *reinterpret_cast<RealOut*>(out.overlap + p) = e.overlap;
-    *reinterpret_cast<RealOut*>(out.rate + p) = e.rate;
-    *reinterpret_cast<RealOut*>(out.speed + p) = e.speed;
-    *reinterpret_cast<RealOut*>(out.normal[0] + p) = e.nx;
-    *reinterpret_cast<RealOut*>(out.normal[1] + p) = e.ny;
-    *reinterpret_cast<RealOut*>(out.normal[2] + p) = e.nz;
-    *reinterpret_cast<IntOut*>(out.magnitude + p) = e.magnitude;
-    *reinterpret_cast<IntOut*>(out.power + p) = e.power;
-    *reinterpret_cast<IntOut*>(out.turned + p) = e.turned;
-    store_rows(e.fx, e.fy, e.fz, buffer);
-    for (int s = 0; s < kWidth; ++s) out.force[p + kSlotPair[s]] = buffer[s];
-    if (candidates != nullptr) note_candidates(e.candidates, p, *candidates);
-  }
   lanes.add_to(totals);
 }
 
-void sum_recorded(PairSpan pairs, const IntVec* force_in, const std::uint8_t* shift, bool both, WeightedSum* sums,
-                  std::size_t begin, std::size_t end) {
-  const Int4* force = reinterpret_cast<const Int4*>(force_in);
-  Int4* ball = reinterpret_cast<Int4*>(sums);
-  for (std::size_t p = begin; p < end; ++p) {
-    const Int4 f = force[p];
-    add_weighted(ball, pairs, p, f, shift[p] == kNoWeight ? Int4{} : f << shift[p], both);
-  }
+/// 2^level, and 0 for kNoWeight.
+GC_INLINE std::int64_t weight_of(std::uint8_t level) { return level == kNoWeight ? 0 : std::int64_t{1} << (level & 63); }
+
+/// Adds a group's totals, each pair's times its weight.
+GC_INLINE void add_totals(LaneTotals& lanes, const Evaluated& e, Int weight) {
+  lanes.fx += e.fx * weight;
+  lanes.fy += e.fy * weight;
+  lanes.fz += e.fz * weight;
+  lanes.magnitude += e.magnitude * weight;
+  lanes.power += e.power * weight;
+  lanes.turned += e.turned * weight;
 }
 
-void total_recorded(const PairRecords& book, const std::uint8_t* shift, bool with_force, SweepTotals& totals,
-                    std::size_t begin, std::size_t end) {
-  std::int64_t magnitude_sum = 0, power = 0, turned = 0;
-  for (std::size_t p = begin; p < end; ++p) {
-    const std::int64_t weight = shift[p] == kNoWeight ? 0 : std::int64_t{1} << (shift[p] & 63);
-    magnitude_sum += book.magnitude[p] * weight;
-    power += book.power[p] * weight;
-    turned += book.turned[p] * weight;
-  }
-  totals.magnitude += magnitude_sum;
-  totals.power += power;
-  totals.turned += turned;
-  if (!with_force) return;
-  const Int4* force = reinterpret_cast<const Int4*>(book.force);
-  Int4 sum = {};
-  for (std::size_t p = begin; p < end; ++p) sum += shift[p] == kNoWeight ? Int4{} : force[p] << shift[p];
-  for (int k = 0; k < 3; ++k) totals.force[k] += sum[k];
+template <class T, bool kSum>
+void record_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, const std::uint8_t* level, PairRecords out,
+                  WeightedSum* sums, SweepTotals& totals, Candidates* candidates) {
+  Int4* ball = reinterpret_cast<Int4*>(sums);
+  const bool both = law.both;
+  LaneTotals weighted, single;
+  const auto see = [&](std::size_t p, const Evaluated& e) GC_INLINE_LAMBDA {
+    *reinterpret_cast<RealOut*>(out.overlap + p) = e.overlap;
+    *reinterpret_cast<RealOut*>(out.rate + p) = e.rate;
+    *reinterpret_cast<RealOut*>(out.speed + p) = e.speed;
+    alignas(64) IntVec normal[kWidth];
+    store_rows((Int)e.nx, (Int)e.ny, (Int)e.nz, normal);
+    for (int s = 0; s < kWidth; ++s) {
+      reinterpret_cast<Int4*>(out.normal)[p + kSlotPair[s]] = reinterpret_cast<const Int4*>(normal)[s];
+    }
+    if constexpr (kSum) {
+      Int weight;
+      for (int k = 0; k < kWidth; ++k) weight[k] = weight_of(level[p + k]);
+      add_totals(weighted, e, weight);
+    }
+  };
+  sweep_pairs<T, true>(rows, pairs, law, single, candidates, see, [=](std::size_t pair, Int4 f) GC_INLINE_LAMBDA {
+    if constexpr (kSum) add_weighted(ball, pairs, pair, f, f * weight_of(level[pair]), both);
+    (void)f;
+  });
+  weighted.bad = single.bad;
+  weighted.add_to(totals);
+}
+
+template <class T>
+void reweigh_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, const std::uint8_t* from,
+                   const std::uint8_t* to, IntVec* balance, SweepTotals& totals) {
+  Int4* ball = reinterpret_cast<Int4*>(balance);
+  const bool both = law.both;
+  LaneTotals weighted, single;
+  const auto change = [=](std::size_t pair) GC_INLINE_LAMBDA { return weight_of(to[pair]) - weight_of(from[pair]); };
+  const auto see = [&](std::size_t p, const Evaluated& e) GC_INLINE_LAMBDA {
+    Int weight;
+    for (int k = 0; k < kWidth; ++k) weight[k] = change(p + k);
+    add_totals(weighted, e, weight);
+  };
+  sweep_pairs<T, false>(rows, pairs, law, single, nullptr, see, [=](std::size_t pair, Int4 f) GC_INLINE_LAMBDA {
+    const Int4 impulse = f * change(pair);
+    ball[pairs.i[pair]] += impulse;
+    if (both) ball[pairs.j[pair]] -= impulse;
+  });
+  weighted.add_to(totals);
 }
 
 /// Calls `call` with the terms that the law has on.
@@ -455,9 +467,18 @@ void sweep_weighted(const BallRow* rows, PairSpan pairs, const SweepLaw& law, in
   });
 }
 
-void record(const BallRow* rows, PairSpan pairs, const SweepLaw& law, PairRecords out, SweepTotals& totals,
-            Candidates* candidates) {
-  with_terms(law.law, [&](auto terms) { record_terms<decltype(terms)>(rows, pairs, law, out, totals, candidates); });
+void record(const BallRow* rows, PairSpan pairs, const SweepLaw& law, const std::uint8_t* level, PairRecords out,
+            WeightedSum* sums, SweepTotals& totals, Candidates& candidates) {
+  with_terms(law.law, [&](auto terms) {
+    using T = decltype(terms);
+    if (sums != nullptr) record_terms<T, true>(rows, pairs, law, level, out, sums, totals, &candidates);
+    else record_terms<T, false>(rows, pairs, law, level, out, nullptr, totals, &candidates);
+  });
+}
+
+void reweigh(const BallRow* rows, PairSpan pairs, const SweepLaw& law, const std::uint8_t* from, const std::uint8_t* to,
+             IntVec* balance, SweepTotals& totals) {
+  with_terms(law.law, [&](auto terms) { reweigh_terms<decltype(terms)>(rows, pairs, law, from, to, balance, totals); });
 }
 
 // ---- advance of balls ----
@@ -535,29 +556,39 @@ AdvanceReport advance(Advance what, BallRow* rows, IntVec* sums, std::size_t str
   }
 }
 
-void drift(BallRow* rows, const Path* paths, RowSpan which, double h) {
-  const double half_square = 0.5 * h * h;
+/// Along its parabola by h [s]; the fourth lane of the second half, the bound on the acceleration, stays.
+GC_INLINE void move_row(Real4* row, Real4 a, double h) {
   const Int4 xyz = {-1, -1, -1, 0};
+  const double bound = row[1][3];
+  Real4 v = (Real4)((Int4)row[1] & xyz);
+  row[0] += h * v + 0.5 * h * h * a;
+  v += h * a;
+  v[3] = bound;
+  row[1] = v;
+}
+
+GC_INLINE Real4 acceleration(const Path& path) {
+  const Int4 xyz = {-1, -1, -1, 0};
+  return (Real4)(*reinterpret_cast<const Int4*>(&path) & xyz);
+}
+
+void drift(BallRow* rows, const Path* paths, RowSpan which, double h) {
   for (std::size_t k = 0; k < which.n; ++k) {
     const std::uint32_t i = which.row[k];
-    Real4* row = reinterpret_cast<Real4*>(rows + i);
-    const Real4 a = (Real4)(*reinterpret_cast<const Int4*>(paths + i) & xyz);
-    const double bound = row[1][3];
-    Real4 v = (Real4)((Int4)row[1] & xyz);
-    row[0] += h * v + half_square * a;
-    v += h * a;
-    v[3] = bound;
-    row[1] = v;
+    move_row(reinterpret_cast<Real4*>(rows + i), acceleration(paths[i]), h);
   }
 }
 
-void kick(BallRow* rows, Path* paths, IntVec* balance_in, const std::uint8_t* level, WeightedSum* sums_in,
-          std::size_t stride, int parts, RowSpan which, const KickParameters& p) {
+template <bool kDrift>
+void kick_rows(BallRow* rows, Path* paths, IntVec* balance_in, const std::uint8_t* level, WeightedSum* sums_in,
+               std::size_t stride, int parts, RowSpan which, const KickParameters& p) {
   const Real4 gravity = {p.gravity[0], p.gravity[1], p.gravity[2], 0.0};
   Int4* sums = reinterpret_cast<Int4*>(sums_in);
   Int4* balance = reinterpret_cast<Int4*>(balance_in);
   for (std::size_t k = 0; k < which.n; ++k) {
     const std::uint32_t i = which.row[k];
+    Real4* row = reinterpret_cast<Real4*>(rows + i);
+    Path& path = paths[i];
     Int4 force = {}, impulse = {};
     for (int part = 0; part < parts; ++part) {
       Int4* sum = sums + 2 * (static_cast<std::size_t>(part) * stride + i);
@@ -569,22 +600,27 @@ void kick(BallRow* rows, Path* paths, IntVec* balance_in, const std::uint8_t* le
     if (level[i] > p.level) {
       // In mid-step: the trapezoid's inner points count twice.
       balance[i] += impulse + impulse;
-      continue;
+    } else {
+      const double inertia = p.unit * path.inverse_mass;
+      Real4 v = row[1] + __builtin_convertvector(balance[i] + impulse, Real4) * (p.half_tick * inertia);
+      const Real4 a = gravity + __builtin_convertvector(force, Real4) * inertia;
+      v[3] = three_sum(magnitude4(a));
+      row[1] = v;
+      path.ax = a[0];
+      path.ay = a[1];
+      path.az = a[2];
+      *reinterpret_cast<Int4*>(&path.opening) = force;
+      // The next step's path takes the force as constant; its balance begins with what that is wrong by.
+      balance[i] = impulse - (force << (level[i] + 1));
     }
-    Real4* row = reinterpret_cast<Real4*>(rows + i);
-    Path& path = paths[i];
-    const double inertia = p.unit * path.inverse_mass;
-    Real4 v = row[1] + __builtin_convertvector(balance[i] + impulse, Real4) * (p.half_tick * inertia);
-    const Real4 a = gravity + __builtin_convertvector(force, Real4) * inertia;
-    v[3] = three_sum(magnitude4(a));
-    row[1] = v;
-    path.ax = a[0];
-    path.ay = a[1];
-    path.az = a[2];
-    *reinterpret_cast<Int4*>(&path.opening) = force;
-    // The next step's path takes the force as constant; its balance begins with what that is wrong by.
-    balance[i] = impulse - (force << (level[i] + 1));
+    if constexpr (kDrift) move_row(row, acceleration(path), p.drift);
   }
+}
+
+void kick(BallRow* rows, Path* paths, IntVec* balance, const std::uint8_t* level, WeightedSum* sums, std::size_t stride,
+          int parts, RowSpan which, const KickParameters& p) {
+  if (p.drift > 0.0) kick_rows<true>(rows, paths, balance, level, sums, stride, parts, which, p);
+  else kick_rows<false>(rows, paths, balance, level, sums, stride, parts, which, p);
 }
 
 AdvanceReport watch(const BallRow* rows, const StraightPath* expected, double seconds, const AdvanceParameters& p,
@@ -620,6 +656,6 @@ AdvanceReport watch(const BallRow* rows, const StraightPath* expected, double se
 
 extern const Kernels GC_PASTE(kernels_, GRAINCLOCK_KERNEL_SET);
 const Kernels GC_PASTE(kernels_, GRAINCLOCK_KERNEL_SET) = {
-    GC_STRING(GRAINCLOCK_KERNEL_SET), sweep, sweep_weighted, record, sum_recorded, total_recorded, advance<false>, advance<true>, drift, kick, watch, find_pairs};
+    GC_STRING(GRAINCLOCK_KERNEL_SET), sweep, sweep_weighted, record, reweigh, advance<false>, advance<true>, drift, kick, watch, find_pairs};
 
 }  // namespace grainclock::core

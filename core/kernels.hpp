@@ -37,19 +37,19 @@ struct SweepTotals {
   bool overloaded = false;             // a force beyond the limit, an overlap beyond a quarter of the radii, or a NaN
   SweepTotals& operator+=(const SweepTotals& other);
 };
-/// What classification and event search need of each pair, pair by pair.
+/// A unit vector.
+struct alignas(32) Normal {
+  double x, y, z, unused;
+};
+/// What classification needs of each pair, pair by pair; room for whole vectors.
 struct PairRecords {
-  double* overlap;    // m
-  double* rate;       // m/s
-  double* speed;      // m/s, relative speed
-  double* normal[3];  // unit normal from j to i
-  IntVec* force;      // force units, on i
-  std::int64_t* magnitude;  // total units, as in SweepTotals
-  std::int64_t* power;
-  std::int64_t* turned;
+  double* overlap;  // m
+  double* rate;     // m/s
+  double* speed;    // m/s, relative speed
+  Normal* normal;   // from j to i
 };
 
-/// Exponent of a recorded pair that has no weight: it adds to force sums only.
+/// Level of a pair that has no weight, instead of 2^level: it adds to force sums only.
 constexpr std::uint8_t kNoWeight = 255;
 
 /// Indices of pairs that may have changed branch within the step.
@@ -94,6 +94,7 @@ struct KickParameters {
   double unit;         // N
   double half_tick;    // s
   int level;           // balls of this level or finer end their steps now
+  double drift;        // s, by which all balls go on at once along their paths; 0 for none
 };
 
 /// Spheres sorted by cubes: `start[c] .. start[c + 1]` are in cube c = (z size[1] + y) size[0] + x. Spheres that meet are in the
@@ -119,14 +120,14 @@ struct Kernels {
   /// The same, and the force times 2^shift to the impulses.
   void (*sweep_weighted)(const BallRow* rows, PairSpan pairs, const SweepLaw&, int shift, WeightedSum* sums,
                          SweepTotals&, Candidates*);
-  /// Evaluates pairs without summing.
-  void (*record)(const BallRow* rows, PairSpan pairs, const SweepLaw&, PairRecords, SweepTotals&, Candidates*);
-  /// Adds recorded forces of pairs [begin, end) to the sums, and 2^shift times them to the impulses.
-  void (*sum_recorded)(PairSpan pairs, const IntVec* force, const std::uint8_t* shift, bool both, WeightedSum* sums,
-                       std::size_t begin, std::size_t end);
-  /// Adds 2^shift times the recorded totals of pairs [begin, end); their forces only if `with_force`.
-  void (*total_recorded)(const PairRecords&, const std::uint8_t* shift, bool with_force, SweepTotals&,
-                         std::size_t begin, std::size_t end);
+  /// Records pairs of several levels. Unless `sums` is null, adds forces, and forces times 2^level to the impulses;
+  /// totals are then weighted in the same way.
+  void (*record)(const BallRow* rows, PairSpan pairs, const SweepLaw&, const std::uint8_t* level, PairRecords,
+                 WeightedSum* sums, SweepTotals&, Candidates&);
+  /// Evaluates pairs that change level and adds their forces, times what their weights 2^level change by, to the balances
+  /// of their balls; totals likewise.
+  void (*reweigh)(const BallRow* rows, PairSpan pairs, const SweepLaw&, const std::uint8_t* from, const std::uint8_t* to,
+                  IntVec* balance, SweepTotals&);
   /// Predicted scheme, for rows [begin, end). `sums` are `parts` arrays, `stride` apart, cleared after use.
   AdvanceReport (*advance_predicted)(Advance, BallRow* rows, IntVec* sums, std::size_t stride, int parts,
                                      IntVec* opening, const double* inverse_mass, const SkinReference*,

@@ -8,7 +8,9 @@
 // Momentum is exact to rounding in all three, for every contact force is one integer vector,
 // added to one ball and subtracted from the other.
 #include "core/ball_stepper.hpp"
+#include "core/candidate_list.hpp"
 #include "core/check.hpp"
+#include "core/row_shares.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -16,6 +18,8 @@
 namespace grainclock::core {
 
 namespace {
+
+constexpr std::uint32_t kRowsAtOnce = 256;  // swept, then moved while they are in the cache
 
 class UniformStepper final : public BallStepper {
  public:
@@ -25,7 +29,11 @@ class UniformStepper final : public BallStepper {
         events_(setup.stepping.events),
         event_book_(scale_, 0.5 * step_),
         threads_(std::max(1, setup.threads)),
-        advance_(advance_parameters()) {
+        advance_(advance_parameters()),
+        ball_law_(law(false, step_)),
+        fixed_law_(law(true, step_)),
+        shares_(static_cast<std::size_t>(threads_)),
+        work_(static_cast<std::size_t>(threads_)) {
     GC_REQUIRE(setup.stepping.dashpot == Dashpot::explicit_,
                "stepping.dashpot = \"{}\" is not offered by this version; use \"explicit\"", name(setup.stepping.dashpot));
     GC_REQUIRE(!events_ || scheme_ == Integrator::predicted,
@@ -43,9 +51,15 @@ class UniformStepper final : public BallStepper {
     move(Advance::open);
     for (std::int64_t k = 1; k <= n; ++k) {
       refresh_list();
-      evaluate();
+      costs_.ball_updates += balls_.content_count();
       // What needs a synchronised state is done between the halves; they give the same bits apart.
       const bool apart = k == n || crossed_ || setup_.first_impact || scheme_ == Integrator::pece;
+      if (!apart && !events_) {
+        sweep_and_move();
+        finish_step();
+        continue;
+      }
+      sweep_pairs();
       if (k == n) keep_evaluated();
       correct_events();
       if (!apart) {
@@ -77,7 +91,19 @@ class UniformStepper final : public BallStepper {
   void follow_order(std::span<const std::uint32_t> order) override {
     reorder_like(opening_, order);
     sums_.assign(static_cast<std::size_t>(threads_) * stride(), IntVec{});
+    cut_shares(list_.ball_pairs(), list_.fixed_pairs(), balls_.content_count(), shares_);
   }
+
+  struct Totals {
+    SweepTotals ball, fixed;
+  };
+  /// What a thread finds in its share of a step.
+  struct alignas(64) Work {
+    SweepTotals ball, fixed;
+    CandidateList ball_candidates, fixed_candidates;
+    AdvanceReport moved;
+    std::uint32_t reached = 0;  // rows of the share below it have moved on
+  };
 
   /// Force sums per thread: the content and the far row.
   std::size_t stride() const { return balls_.content_count() + std::size_t{1}; }
@@ -98,12 +124,6 @@ class UniformStepper final : public BallStepper {
     list_unsafe_ = false;
   }
 
-  /// Forces at the rows' predicted positions and velocities, into sums_.
-  void evaluate() {
-    sweep_pairs();
-    costs_.ball_updates += balls_.content_count();
-  }
-
   /// New opening forces at a synchronised state.
   void evaluate_again() {
     keep_evaluated();
@@ -111,46 +131,83 @@ class UniformStepper final : public BallStepper {
     take_sums_as_opening();
   }
 
+  /// Sums up the forces of all pairs.
   void sweep_pairs() {
-    ball_totals_ = fixed_totals_ = {};
-    const Kernels& kernel = *setup_.kernels;
-    struct Part {
-      SweepTotals ball, fixed;
-    };
-    std::vector<Part> parts(static_cast<std::size_t>(threads_));
-    candidates_.resize(static_cast<std::size_t>(threads_));
-    const SweepLaw ball_law = law(false, step_), fixed_law = law(true, step_);
-#pragma omp parallel for num_threads(threads_) schedule(static, 1) if (threads_ > 1)
-    for (int t = 0; t < threads_; ++t) {
-      Part& part = parts[static_cast<std::size_t>(t)];
-      FoundCandidates& found = candidates_[static_cast<std::size_t>(t)];
-      IntVec* sums = sums_.data() + static_cast<std::size_t>(t) * stride();
-      sweep_part(kernel, list_.ball_pairs(), ball_law, t, sums, part.ball, found.ball);
-      sweep_part(kernel, list_.fixed_pairs(), fixed_law, t, sums, part.fixed, found.fixed);
+    share_work([this](int t) {
+      Work& work = work_[static_cast<std::size_t>(t)];
+      const RowShare& share = shares_[static_cast<std::size_t>(t)];
+      work.ball = work.fixed = {};
+      sweep_ball_pairs(t, share.ball, work);
+      sweep_fixed_pairs(t, share.fixed, work);
+    });
+    add_up_totals();
+  }
+
+  /// The same, and each ball closes its step and opens the next as soon as its last pair is done, while it is in
+  /// the cache: the lists are in order of the first row, so nothing later in the list touches an earlier row.
+  void sweep_and_move() {
+    share_work([this](int t) {
+      Work& work = work_[static_cast<std::size_t>(t)];
+      const RowShare& share = shares_[static_cast<std::size_t>(t)];
+      work.ball = work.fixed = {};
+      work.moved = {};
+      std::size_t ball = share.ball.begin, fixed = share.fixed.begin;
+      for (std::uint32_t row = share.begin; row < share.end; row = work.reached) {
+        work.reached = std::min(row + kRowsAtOnce, share.end);
+        ball = sweep_ball_pairs(t, {ball, end_of(list_.ball_pairs(), {ball, share.ball.end}, work.reached)}, work);
+        fixed = sweep_fixed_pairs(t, {fixed, end_of(list_.fixed_pairs(), {fixed, share.fixed.end}, work.reached)}, work);
+        if (work.ball.overloaded || work.fixed.overloaded) {
+          work.reached = row;
+          break;
+        }
+        move_rows(Advance::close_and_open, std::max(row, share.own), work.reached, t, 1, work);
+      }
+      sweep_ball_pairs(t, {ball, share.ball.end}, work);
+      sweep_fixed_pairs(t, {fixed, share.fixed.end}, work);
+    });
+    add_up_totals();
+    // The rows that other shares may have added to: their forces are complete only now.
+    share_work([this](int t) {
+      const RowShare& share = shares_[static_cast<std::size_t>(t)];
+      move_rows(Advance::close_and_open, share.begin, share.own, 0, threads_, work_[static_cast<std::size_t>(t)]);
+    });
+    take_reports();
+  }
+
+  /// The first whole vector of the range that has nothing to do with rows below `row`.
+  static std::size_t end_of(const PairList& pairs, PairRange range, std::uint32_t row) {
+    while (range.begin < range.end && pairs.i[range.begin] < row) range.begin += kLanes;
+    return range.begin;
+  }
+
+  std::size_t sweep_ball_pairs(int t, PairRange range, Work& work) {
+    return sweep(list_.ball_pairs(), range, ball_law_, t, work.ball, work.ball_candidates);
+  }
+  std::size_t sweep_fixed_pairs(int t, PairRange range, Work& work) {
+    return sweep(list_.fixed_pairs(), range, fixed_law_, t, work.fixed, work.fixed_candidates);
+  }
+  std::size_t sweep(const PairList& pairs, PairRange range, const SweepLaw& law, int t, SweepTotals& totals,
+                    CandidateList& found) {
+    const PairSpan span{pairs.i.data() + range.begin, pairs.j.data() + range.begin, range.end - range.begin};
+    IntVec* sums = sums_.data() + static_cast<std::size_t>(t) * stride();
+    if (!events_) {
+      setup_.kernels->sweep(balls_.rows.data(), span, law, sums, totals, nullptr);
+      return range.end;
     }
-    for (const Part& part : parts) {
-      ball_totals_ += part.ball;
-      fixed_totals_ += part.fixed;
+    Candidates candidates = found.room_for(span.n);
+    setup_.kernels->sweep(balls_.rows.data(), span, law, sums, totals, &candidates);
+    found.take(candidates, range.begin);
+    return range.end;
+  }
+
+  void add_up_totals() {
+    ball_totals_ = fixed_totals_ = {};
+    for (const Work& work : work_) {
+      ball_totals_ += work.ball;
+      fixed_totals_ += work.fixed;
     }
     costs_.contact_evaluations += listed_pairs();
     if (ball_totals_.overloaded || fixed_totals_.overloaded) throw_overloaded();
-  }
-
-  /// Thread t's share of the pairs, cut at whole vectors.
-  void sweep_part(const Kernels& kernel, const PairList& pairs, const SweepLaw& law, int t, IntVec* sums,
-                  SweepTotals& totals, std::vector<std::uint32_t>& found) const {
-    const std::size_t groups = pairs.i.size() / kLanes;
-    const std::size_t begin = groups * t / threads_ * kLanes, end = groups * (t + 1) / threads_ * kLanes;
-    const PairSpan span{pairs.i.data() + begin, pairs.j.data() + begin, end - begin};
-    if (!events_) {
-      kernel.sweep(balls_.rows.data(), span, law, sums, totals, nullptr);
-      return;
-    }
-    found.resize(span.n + kLanes);
-    Candidates candidates{found.data()};
-    kernel.sweep(balls_.rows.data(), span, law, sums, totals, &candidates);
-    found.resize(candidates.n);
-    for (std::uint32_t& pair : found) pair += static_cast<std::uint32_t>(begin);
   }
 
   IntVec total_force(std::uint32_t row) const {
@@ -168,9 +225,9 @@ class UniformStepper final : public BallStepper {
     event_book_.clear();
     const auto step_of = [this](std::uint32_t) { return step_; };
     const auto acceleration = [this](std::uint32_t row) { return path_acceleration(row, opening_[row]); };
-    for (const FoundCandidates& found : candidates_) {
-      event_book_.examine(balls_.rows, list_.ball_pairs().span(), found.ball, law(false, step_), step_of, acceleration);
-      event_book_.examine(balls_.rows, list_.fixed_pairs().span(), found.fixed, law(true, step_), step_of, acceleration);
+    for (const Work& work : work_) {
+      event_book_.examine(balls_.rows, list_.ball_pairs().span(), work.ball_candidates.pairs(), ball_law_, step_of, acceleration);
+      event_book_.examine(balls_.rows, list_.fixed_pairs().span(), work.fixed_candidates.pairs(), fixed_law_, step_of, acceleration);
     }
     if (event_book_.entries().empty()) return;
     apply_position_corrections(event_book_, [this](std::uint32_t row) { return newtons(total_force(row)); });
@@ -184,21 +241,39 @@ class UniformStepper final : public BallStepper {
   }
 
   void move(Advance what) {
-    const Kernels& kernel = *setup_.kernels;
-    const auto advance = scheme_ == Integrator::lagged ? kernel.advance_lagged : kernel.advance_predicted;
-    const std::uint32_t n = balls_.content_count();
-    bool unsafe = false, crossed = false;
-#pragma omp parallel for num_threads(threads_) schedule(static, 1) reduction(|| : unsafe, crossed) if (threads_ > 1)
-    for (int t = 0; t < threads_; ++t) {
-      const std::size_t begin = std::size_t{n} * t / threads_, end = std::size_t{n} * (t + 1) / threads_;
-      const AdvanceReport report = advance(what, balls_.rows.data(), sums_.data(), stride(), threads_, opening_.data(),
-                                           balls_.inverse_mass.data(), list_.skins().data(), advance_, begin, end);
-      unsafe = unsafe || report.list_unsafe;
-      crossed = crossed || report.crossed;
+    share_work([this, what](int t) {
+      const RowShare& share = shares_[static_cast<std::size_t>(t)];
+      Work& work = work_[static_cast<std::size_t>(t)];
+      work.moved = {};
+      move_rows(what, share.begin, share.end, 0, threads_, work);
+    });
+    if (what != Advance::close) take_reports();  // else positions moved, and were checked, when the step opened
+  }
+
+  /// Rows [begin, end) with the sums of `parts` threads from `t` on.
+  void move_rows(Advance what, std::uint32_t begin, std::uint32_t end, int t, int parts, Work& work) {
+    if (begin >= end) return;
+    const auto advance = scheme_ == Integrator::lagged ? setup_.kernels->advance_lagged : setup_.kernels->advance_predicted;
+    const AdvanceReport report =
+        advance(what, balls_.rows.data(), sums_.data() + static_cast<std::size_t>(t) * stride(), stride(), parts,
+                opening_.data(), balls_.inverse_mass.data(), list_.skins().data(), advance_, begin, end);
+    work.moved.list_unsafe = work.moved.list_unsafe || report.list_unsafe;
+    work.moved.crossed = work.moved.crossed || report.crossed;
+  }
+
+  void take_reports() {
+    list_unsafe_ = crossed_ = false;
+    for (const Work& work : work_) {
+      list_unsafe_ = list_unsafe_ || work.moved.list_unsafe;
+      crossed_ = crossed_ || work.moved.crossed;
     }
-    if (what == Advance::close) return;  // positions moved, and were checked, when the step opened
-    list_unsafe_ = unsafe;
-    crossed_ = crossed;
+  }
+
+  /// Calls work(t) for every thread's share.
+  template <class Do>
+  void share_work(Do work) {
+#pragma omp parallel for num_threads(threads_) schedule(static, 1) if (threads_ > 1)
+    for (int t = 0; t < threads_; ++t) work(t);
   }
 
   void take_sums_as_opening() {
@@ -206,7 +281,7 @@ class UniformStepper final : public BallStepper {
     std::fill(sums_.begin(), sums_.end(), IntVec{});
   }
 
-  void keep_evaluated() { evaluated_.assign(balls_.rows.begin(), balls_.rows.begin() + balls_.content_count()); }
+  void keep_evaluated() { evaluated_ = balls_.rows; }
 
   void finish_step() {
     ++steps_done_;
@@ -243,21 +318,17 @@ class UniformStepper final : public BallStepper {
     }
   }
 
-  struct Totals {
-    SweepTotals ball, fixed;
-  };
-  struct FoundCandidates {
-    std::vector<std::uint32_t> ball, fixed;
-  };
 
   Integrator scheme_;
   bool events_;
   EventBook event_book_;
   int threads_;
   AdvanceParameters advance_;
+  SweepLaw ball_law_, fixed_law_;
+  std::vector<RowShare> shares_;  // one per thread
+  std::vector<Work> work_;        // likewise
   std::vector<IntVec> sums_;     // force units, one array per thread
   std::vector<IntVec> opening_;  // force units, the force that opened the step
-  std::vector<FoundCandidates> candidates_;
   std::vector<std::uint32_t> first_hit_;
   SweepTotals ball_totals_, fixed_totals_;
   Totals previous_;

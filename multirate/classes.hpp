@@ -34,7 +34,7 @@ struct PairMotion {
 
 /// `overlap` [m], its `rate` [m/s] and the balls' `acceleration` towards each other [m/s2] (ignored while open),
 /// `omega2` [1/s2] and the scene's speed squared [m2/s2], above zero.
-inline PairMotion motion_of(double overlap, double rate, double acceleration, double omega2, double speed2) {
+[[gnu::always_inline]] inline PairMotion motion_of(double overlap, double rate, double acceleration, double omega2, double speed2) {
   const bool is_open = overlap <= 0.0;
   const double a = is_open ? 0.0 : acceleration;
   const double amplitude = omega2 * rate * rate + a * a;  // (omega v)^2
@@ -53,14 +53,16 @@ inline double affordable4(std::size_t balls, double error_factor, double toleran
 /// Infinity if all may take that. The order of the balls changes no bit.
 double shared_reach4(const std::vector<double>& strides4, std::size_t balls, double error_factor, double tolerance);
 
+/// Adding it to a double within 2^51, and taking it away, rounds to a whole number: 1.5 * 2^52.
+constexpr double kWholeNumber = 6755399441055744.0;
+
 /// A sum of scaled n n^T in whole numbers, exact in any order: xx, yy, zz, xy, xz, yz.
 struct NormalMatrix {
   double entry[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
 
   /// `scale` up to 2^33.
   static NormalMatrix of(double x, double y, double z, double scale) {
-    // Adding and taking away 1.5 * 2^52 rounds to a whole number.
-    const auto whole = [](double a) { return (a + 6755399441055744.0) - 6755399441055744.0; };
+    const auto whole = [](double a) { return (a + kWholeNumber) - kWholeNumber; };
     const double sx = scale * x, sy = scale * y, sz = scale * z;
     return {{whole(sx * x), whole(sy * y), whole(sz * z), whole(sx * y), whole(sx * z), whole(sy * z)}};
   }

@@ -14,7 +14,7 @@ class Ladder {
       : tick_(std::ldexp(coarsest_step, 1 - levels)), coarsest_(static_cast<Level>(levels - 1)) {}
 
   double tick() const { return tick_; }                                            // s
-  double step(Level level) const { return std::ldexp(tick_, level); }              // s
+  double step(Level level) const { return tick_ * static_cast<double>(ticks_of(level)); }  // s, exact
   Level coarsest() const { return coarsest_; }
   int levels() const { return coarsest_ + 1; }
 

@@ -11,10 +11,11 @@
 #include "multirate/stepper.hpp"
 
 #include "core/ball_stepper.hpp"
+#include "core/candidate_list.hpp"
 #include "core/check.hpp"
 #include "core/critical_step.hpp"
-#include "multirate/classes.hpp"
 #include "multirate/limiter.hpp"
+#include "multirate/pair_book.hpp"
 #include "multirate/schedule.hpp"
 
 #include <algorithm>
@@ -33,9 +34,7 @@ using core::PairList;
 using core::SweepTotals;
 using core::Vec3;
 
-constexpr Level kSkipped = core::kNoWeight;  // of a pair that cannot touch before the next renewal
 constexpr double kMargin = 2.4e-3; // mean diameters that a ball may stray from its straight path between renewals
-constexpr double kAccelerating = 1.5;  // an approach may be faster than it looks now by this much
 constexpr double kAhead = 1.1 * kAccelerating;  // intervals between renewals that lists look ahead
 constexpr double kSoon = 2.5e-4;   // mean diameters: gaps below it count as about to close
 constexpr std::size_t kWorthThreads = 4096;  // pairs or balls
@@ -44,52 +43,48 @@ constexpr double kQuiet = 0.05, kStill = 1e-6;
 constexpr int kMostCoarseSteps = 6;     // between regular renewals
 constexpr double kRenewalPhase = 1.25;  // omega times the time between renewals, of two mean balls
 
-/// All listed pairs of one kind, as last recorded and classified.
-struct PairBook {
-  std::vector<double> overlap, rate, speed, nx, ny, nz;
-  std::vector<IntVec> force;
-  std::vector<std::int64_t> magnitude, power, turned;
-  std::vector<Level> level;
-
-  void resize(std::size_t n) {
-    for (auto* v : {&overlap, &rate, &speed, &nx, &ny, &nz}) v->resize(n);
-    force.resize(n);
-    for (auto* v : {&magnitude, &power, &turned}) v->resize(n);
-  }
-  core::PairRecords records(std::size_t begin) {
-    return {overlap.data() + begin,
-            rate.data() + begin,
-            speed.data() + begin,
-            {nx.data() + begin, ny.data() + begin, nz.data() + begin},
-            force.data() + begin,
-            magnitude.data() + begin,
-            power.data() + begin,
-            turned.data() + begin};
-  }
-};
-
 constexpr double fourth(double x) { return (x * x) * (x * x); }
 
-/// What a ball's pairs ask of its step.
-struct Need {
-  ContactMatrix matrix;
-  double smooth4 = 0.0, impact4 = 0.0;  // 1/s4, the largest urgencies to the fourth power
-  bool is_confined = false;             // a smooth pair holds it
-
-  void add(const Need& other) {
-    smooth4 = std::max(smooth4, other.smooth4);
-    impact4 = std::max(impact4, other.impact4);
-    is_confined = is_confined || other.is_confined;
-    matrix.ball += other.matrix.ball;
-    matrix.fixed += other.matrix.fixed;
-  }
-  /// 1/s4, of its impacts, eased where other contacts hold it.
-  double eased_impact4() const { return is_confined ? impact4 / fourth(kConfinedReach) : impact4; }
-};
+/// 1/s4, of a ball's impacts, eased where other contacts hold it.
+double eased_impact4(double impact4, double smooth4) {
+  return smooth4 > 0.0 ? impact4 / fourth(kConfinedReach) : impact4;
+}
 
 /// Contacts of one level, contiguous.
 struct Batch {
   PairList ball, fixed;
+};
+
+/// Pairs that change level at a renewal, whole vectors.
+struct ChangedPairs {
+  PairList pairs;
+  std::vector<Level> from, to;
+
+  void clear() {
+    pairs.clear();
+    from.clear();
+    to.clear();
+  }
+  void add(std::uint32_t i, std::uint32_t j, Level its_from, Level its_to) {
+    pairs.add(i, j);
+    from.push_back(its_from);
+    to.push_back(its_to);
+  }
+  void finish(std::uint32_t far) {
+    pairs.finish(far);
+    from.resize(pairs.i.size(), kSkipped);
+    to.resize(pairs.i.size(), kSkipped);
+  }
+};
+
+/// Of pairs with balls and with fixed balls.
+struct Needs {
+  std::vector<Need> of[2];
+};
+
+/// 1/s4, what a ball's smooth pairs and its impacts ask of its step, see classes.hpp.
+struct Urgency {
+  double smooth4 = 0.0, impact4 = 0.0;
 };
 
 /// Circular frequency of two undamped balls of this diameter in contact [1/s].
@@ -113,6 +108,11 @@ class MultirateStepper final : public core::BallStepper {
         event_book_(scale_, 0.5 * ladder_.tick()),
         threads_(std::max(1, setup.threads)),
         advance_(advance_parameters()),
+        add_needs_(add_needs_on(*setup.kernels)),
+        drifted_(static_cast<std::size_t>(ladder_.levels())),
+        totals_(static_cast<std::size_t>(threads_)),
+        found_(static_cast<std::size_t>(threads_)),
+        needs_(static_cast<std::size_t>(threads_)),
         batches_(static_cast<std::size_t>(ladder_.levels())),
         drifting_(static_cast<std::size_t>(ladder_.levels())),
         balls_at_(static_cast<std::size_t>(ladder_.levels())),
@@ -128,13 +128,15 @@ class MultirateStepper final : public core::BallStepper {
         if (state.kind[i] == core::Kind::content) level_[row++] = std::min(state.level[i], ladder_.coarsest());
       }
     }
-    evaluated_.assign(balls_.rows.begin(), balls_.rows.begin() + n);
+    evaluated_ = balls_.rows;
     build_list();
-    record();
-    open_from_records();
+    record_and_open();
     if (!state.evaluated_position.empty()) load_synchronised(state);
-    if (is_list_worn()) relist();
-    classify();
+    if (is_list_worn()) {
+      build_list();
+      record(evaluated_, false, kIgnoreCandidates);
+    }
+    classify(true);
     costs_ = setup.costs;
   }
 
@@ -161,7 +163,8 @@ class MultirateStepper final : public core::BallStepper {
             break;
           case Action::Kind::kick:
             apply_events(action.level);
-            kick(action.level);
+            // At a synchronised time that is looked at from outside, or that classes are renewed at, balls wait.
+            kick(action.level, !(last && (renewing || k + 1 == n)));
             break;
         }
       });
@@ -187,9 +190,20 @@ class MultirateStepper final : public core::BallStepper {
   }
 
  private:
+  /// Halves of contact steps that an evaluation opens, for the ledger.
+  struct Opened {
+    SweepTotals ball, fixed;
+    double seconds;
+  };
+
   // ---- one tick ----
 
+  /// Moves the rows that take part at this level to its next tick, unless they went on with their last kick.
   void drift(Level level) {
+    if (drifted_[level] != 0) {
+      drifted_[level] = 0;
+      return;
+    }
     const core::Kernels& kernel = *setup_.kernels;
     share_rows(drifting_[level], [&](core::RowSpan rows) { kernel.drift(balls_.rows.data(), paths_.data(), rows, ladder_.step(level)); });
   }
@@ -209,32 +223,29 @@ class MultirateStepper final : public core::BallStepper {
     costs_.contact_evaluations += pairs.count;
     const int parts = pairs.count >= kWorthThreads ? threads_ : 1;
     parts_ = std::max(parts_, parts);
-    std::vector<SweepTotals> totals(static_cast<std::size_t>(parts));
-    found_.resize(static_cast<std::size_t>(parts));
     const std::size_t groups = pairs.i.size() / core::kLanes;
-#pragma omp parallel for num_threads(parts) schedule(static, 1) if (parts > 1)
-    for (int t = 0; t < parts; ++t) {
+    const auto work = [&](int t) {
       const std::size_t begin = groups * t / parts * core::kLanes, end = groups * (t + 1) / parts * core::kLanes;
       const core::PairSpan span{pairs.i.data() + begin, pairs.j.data() + begin, end - begin};
-      std::vector<std::uint32_t>& found = found_[static_cast<std::size_t>(t)];
-      found.resize(events_ ? span.n + core::kLanes : 0);
-      core::Candidates candidates{found.data()};
-      kernel.sweep_weighted(balls_.rows.data(), span, law, level, sums_.data() + static_cast<std::size_t>(t) * stride(),
-                            totals[static_cast<std::size_t>(t)], events_ ? &candidates : nullptr);
-      found.resize(candidates.n);
-      for (std::uint32_t& pair : found) pair += static_cast<std::uint32_t>(begin);
-    }
+      core::WeightedSum* sums = sums_.data() + static_cast<std::size_t>(t) * stride();
+      SweepTotals& totals = totals_[static_cast<std::size_t>(t)] = {};
+      core::CandidateList& found = found_[static_cast<std::size_t>(t)];
+      core::Candidates candidates = found.room_for(span.n);
+      kernel.sweep_weighted(balls_.rows.data(), span, law, level, sums, totals, events_ ? &candidates : nullptr);
+      found.take(candidates, begin);
+    };
+    share_work(parts, work);
     SweepTotals sum;
-    for (const SweepTotals& part : totals) sum += part;
+    for (int t = 0; t < parts; ++t) sum += totals_[static_cast<std::size_t>(t)];
     if (sum.overloaded) throw_overloaded();
-    for (const auto& found : found_) {
-      examine(pairs, found, law, [&](std::uint32_t) { return law.step; });
+    for (int t = 0; t < parts; ++t) {
+      examine(pairs, found_[static_cast<std::size_t>(t)].pairs(), law, [&](std::uint32_t) { return law.step; });
     }
     return sum;
   }
 
   template <class StepOf>
-  void examine(const PairList& pairs, const std::vector<std::uint32_t>& found, const core::SweepLaw& law, StepOf step_of) {
+  void examine(const PairList& pairs, std::span<const std::uint32_t> found, const core::SweepLaw& law, StepOf step_of) {
     event_book_.examine(balls_.rows, pairs.span(), found, law, step_of,
                         [this](std::uint32_t row) { return path_acceleration(row, paths_[row].opening); });
   }
@@ -254,7 +265,9 @@ class MultirateStepper final : public core::BallStepper {
     event_book_.clear();
   }
 
-  void kick(Level active) {
+  /// Ends the steps of balls of `active` and finer; if `go_on`, all that take part move to their next tick at once, while
+  /// they are in the cache.
+  void kick(Level active, bool go_on) {
     const core::Kernels& kernel = *setup_.kernels;
     core::KickParameters p{};
     for (int k = 0; k < 3; ++k) p.gravity[k] = setup_.gravity[k];
@@ -262,6 +275,8 @@ class MultirateStepper final : public core::BallStepper {
     p.half_tick = 0.5 * ladder_.tick();
     p.level = active;
     for (Level l = finest_; l <= active; ++l) {
+      p.drift = go_on ? ladder_.step(l) : 0.0;
+      drifted_[l] = go_on;
       share_rows(drifting_[l], [&](core::RowSpan rows) {
         kernel.kick(balls_.rows.data(), paths_.data(), balance_.data(), level_.data(), sums_.data(), stride(), parts_, rows, p);
       });
@@ -269,25 +284,34 @@ class MultirateStepper final : public core::BallStepper {
     parts_ = 1;
   }
 
+  /// Calls work(t) for t from 0 to parts - 1, by as many threads.
+  template <class Work>
+  void share_work(int parts, Work work) {
+    if (parts == 1) {
+      work(0);
+      return;
+    }
+#pragma omp parallel for num_threads(parts) schedule(static, 1)
+    for (int t = 0; t < parts; ++t) work(t);
+  }
+
   /// Calls work(begin, end) for shares of the content, by threads.
   template <class Work>
   void share_balls(Work work) {
     const std::uint64_t n = balls_.content_count();
-#pragma omp parallel for num_threads(threads_) schedule(static, 1) if (threads_ > 1)
-    for (int t = 0; t < threads_; ++t) {
+    share_work(threads_, [&](int t) {
       work(static_cast<std::uint32_t>(n * t / threads_), static_cast<std::uint32_t>(n * (t + 1) / threads_));
-    }
+    });
   }
 
   /// Calls work(RowSpan) for shares of `rows`, by threads where it pays.
   template <class Work>
   void share_rows(const std::vector<std::uint32_t>& rows, Work work) {
     const int parts = rows.size() >= kWorthThreads ? threads_ : 1;
-#pragma omp parallel for num_threads(parts) schedule(static, 1) if (parts > 1)
-    for (int t = 0; t < parts; ++t) {
+    share_work(parts, [&](int t) {
       const std::size_t begin = rows.size() * t / parts, end = rows.size() * (t + 1) / parts;
       work(core::RowSpan{rows.data() + begin, end - begin});
-    }
+    });
   }
 
   void finish_coarse_step() {
@@ -319,51 +343,38 @@ class MultirateStepper final : public core::BallStepper {
     return strayed || crossed || (steps_done_ + 1) % renew_every_ == 0;
   }
 
-  /// Evaluates every listed pair at the rows' present values.
-  void record() {
-    const core::Kernels& kernel = *setup_.kernels;
-    bool overloaded = false;
+  const PairList& listed(bool fixed) const { return fixed ? list_.fixed_pairs() : list_.ball_pairs(); }
+
+  /// Evaluates every listed pair at `rows`; if `summing`, into the sums with the weights of the pairs' levels. Calls
+  /// see(fixed, candidates) for what may have changed branch. Returns the totals, weighted.
+  template <class See>
+  Opened record(const std::vector<BallRow>& rows, bool summing, See see) {
+    Opened total{{}, {}, 0.5 * ladder_.tick()};
+    if (summing) parts_ = threads_;
     for (const bool fixed : {false, true}) {
-      const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
+      const PairList& pairs = listed(fixed);
       PairBook& book = books_[fixed];
-      book.resize(pairs.i.size());
-      std::vector<std::vector<std::uint32_t>>& found = recorded_[fixed];
-      found.resize(static_cast<std::size_t>(threads_));
       const core::SweepLaw its = law(fixed, step_);
       const std::size_t groups = pairs.i.size() / core::kLanes;
       costs_.contact_evaluations += pairs.count;
-#pragma omp parallel for num_threads(threads_) schedule(static, 1) reduction(|| : overloaded) if (threads_ > 1)
-      for (int t = 0; t < threads_; ++t) {
+      share_work(threads_, [&](int t) {
         const std::size_t begin = groups * t / threads_ * core::kLanes, end = groups * (t + 1) / threads_ * core::kLanes;
         const core::PairSpan span{pairs.i.data() + begin, pairs.j.data() + begin, end - begin};
-        std::vector<std::uint32_t>& mine = found[static_cast<std::size_t>(t)];
-        mine.resize(events_ ? span.n + core::kLanes : 0);
-        core::Candidates candidates{mine.data()};
-        SweepTotals totals;
-        kernel.record(balls_.rows.data(), span, its, book.records(begin), totals, events_ ? &candidates : nullptr);
-        mine.resize(candidates.n);
-        for (std::uint32_t& pair : mine) pair += static_cast<std::uint32_t>(begin);
-        overloaded = overloaded || totals.overloaded;
-      }
-    }
-    if (overloaded) throw_overloaded();
-  }
-
-  /// Adds the recorded forces to the sums, and to the impulses with the weights of the pairs' levels.
-  void sum_records() {
-    parts_ = std::max(parts_, threads_);
-    for (const bool fixed : {false, true}) {
-      const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
-      const PairBook& book = books_[fixed];
-#pragma omp parallel for num_threads(threads_) schedule(static, 1) if (threads_ > 1)
+        core::WeightedSum* sums = summing ? sums_.data() + static_cast<std::size_t>(t) * stride() : nullptr;
+        SweepTotals& totals = totals_[static_cast<std::size_t>(t)] = {};
+        core::Candidates candidates = found_[static_cast<std::size_t>(t)].room_for(span.n);
+        setup_.kernels->record(rows.data(), span, its, book.level.data() + begin, book.records(begin), sums, totals, candidates);
+        found_[static_cast<std::size_t>(t)].take(candidates, begin);
+      });
       for (int t = 0; t < threads_; ++t) {
-        // A missed contact has no weight: it pays nothing backwards.
-        setup_.kernels->sum_recorded(pairs.span(), book.force.data(), book.level.data(), !fixed,
-                                     sums_.data() + static_cast<std::size_t>(t) * stride(), pairs.count * t / threads_,
-                                     pairs.count * (t + 1) / threads_);
+        (fixed ? total.fixed : total.ball) += totals_[static_cast<std::size_t>(t)];
+        see(fixed, found_[static_cast<std::size_t>(t)].pairs());
       }
     }
+    if (total.ball.overloaded || total.fixed.overloaded) throw_overloaded();
+    return total;
   }
+  static constexpr auto kIgnoreCandidates = [](bool, std::span<const std::uint32_t>) {};
 
   /// The halves of contact steps that the last evaluations opened.
   void book_opened() {
@@ -371,65 +382,51 @@ class MultirateStepper final : public core::BallStepper {
     opened_.clear();
   }
 
-  struct Opened {
-    SweepTotals ball, fixed;
-    double seconds;
-  };
-  /// Half a step of every recorded contact, for the ledger.
-  Opened half_of_records() {
-    Opened half{{}, {}, 0.5 * ladder_.tick()};
-    for (const bool fixed : {false, true}) {
-      PairBook& book = books_[fixed];
-      setup_.kernels->total_recorded(book.records(0), book.level.data(), fixed, fixed ? half.fixed : half.ball, 0,
-                                     (fixed ? list_.fixed_pairs() : list_.ball_pairs()).count);
-    }
-    return half;
-  }
-
   /// The last tick before a renewal: one evaluation of all listed pairs closes every step and feeds the classes.
   void close_all_with_records() {
-    evaluated_.assign(balls_.rows.begin(), balls_.rows.begin() + balls_.content_count());
-    record();
-    for (const bool fixed : {false, true}) {
-      const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
+    evaluated_ = balls_.rows;
+    // A missed contact has no weight: it pays nothing backwards.
+    const Opened half = record(balls_.rows, true, [&](bool fixed, std::span<const std::uint32_t> found) {
+      if (!events_) return;
       const PairBook& book = books_[fixed];
-      for (std::size_t p = 0; p < pairs.count; ++p) {
-        if (book.level[p] == kSkipped && book.overlap[p] > 0.0) ++costs_.missed_contacts;
-      }
-      const core::SweepLaw its = law(fixed, step_);
-      for (const auto& found : recorded_[fixed]) {
-        examine(pairs, found, its, [&](std::uint32_t p) { return book.level[p] == kSkipped ? 0.0 : ladder_.step(book.level[p]); });
+      examine(listed(fixed), found, law(fixed, step_),
+              [&](std::uint32_t p) { return book.level[p] == kSkipped ? 0.0 : ladder_.step(book.level[p]); });
+    });
+    for (const PairBook& book : books_) {
+      for (std::size_t p = 0; p < book.level.size(); ++p) {
+        costs_.missed_contacts += book.level[p] == kSkipped && book.overlap[p] > 0.0 ? 1 : 0;
       }
     }
-    sum_records();
-    const Opened half = half_of_records();
     book(half.ball, half.fixed, half.seconds);
+    opened_ = {half};
   }
 
   void renew() {
+    bool relisted = false;
     if (crossed_) {
       crossed_ = false;
       const std::vector<std::uint8_t> leaving = find_leaving();
       if (!leaving.empty()) {
         // Without the balls that left the forces are evaluated anew: they open the next steps.
-        evaluated_.assign(balls_.rows.begin(), balls_.rows.begin() + balls_.content_count());
+        evaluated_ = balls_.rows;
         build_list(leaving);
-        record();
-        open_from_records();
-        classify();
+        record_and_open();
+        classify(true);
         return;
       }
     }
-    if (is_list_worn()) relist();
-    classify();
+    if (is_list_worn()) {
+      // A new list around the balls as they are, with records of the last evaluation for its pairs.
+      build_list();
+      record(evaluated_, false, kIgnoreCandidates);
+      relisted = true;
+    }
+    classify(relisted);
   }
 
-  /// Force sums and accelerations from the records, for balls that are not in mid-step.
-  void open_from_records() {
-    for (const bool fixed : {false, true}) {
-      books_[fixed].level.assign((fixed ? list_.fixed_pairs() : list_.ball_pairs()).count, 0);
-    }
-    sum_records();
+  /// Records of a new list, and force sums and accelerations for balls that are not in mid-step.
+  void record_and_open() {
+    record(balls_.rows, true, kIgnoreCandidates);
     for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
       core::Path& path = paths_[row];
       path.opening = total_force(row);
@@ -456,22 +453,14 @@ class MultirateStepper final : public core::BallStepper {
     return false;
   }
 
-  /// A new list around the balls as they are, with records of the last evaluation for its pairs.
-  void relist() {
-    build_list();
-    std::swap_ranges(evaluated_.begin(), evaluated_.end(), balls_.rows.begin());
-    record();
-    std::swap_ranges(evaluated_.begin(), evaluated_.end(), balls_.rows.begin());
-  }
-
   /// How far a ball may stray from its straight path before the next renewal [m].
   double margin(const BallRow& row) const {
     const double most = kMargin * length_scale_;
     return most + std::min(most, 0.5 * interval_ * interval_ * row.a);
   }
 
-  /// Levels of balls and contacts from the records; opens all steps at them.
-  void classify() {
+  /// Levels of balls and contacts from the records; opens all steps at them. `is_new`: no pair of the list had a level.
+  void classify(bool is_new) {
     share_balls([this](std::uint32_t begin, std::uint32_t end) {
       for (std::uint32_t row = begin; row < end; ++row) {
         const BallRow& r = balls_.rows[row];
@@ -479,14 +468,13 @@ class MultirateStepper final : public core::BallStepper {
         expected_[row] = {r.x, r.y, r.z, margin_[row], r.vx, r.vy, r.vz, 0.0};
       }
     });
+    for (PairBook& book : books_) book.before.swap(book.level);
     find_needs();
     choose_levels();
-    const PairBook& book = books_[0];
     limit_levels(level_, list_.ball_pairs().span(), list_.ball_pairs().count, setup_.stepping.limiter,
-                 [&](std::size_t p) { return book.level[p] != kSkipped; });
+                 [&](std::size_t p) { return books_[0].level[p] != kSkipped; });
     make_batches();
-    open_at_levels();
-    opened_ = {half_of_records()};
+    open_at_levels(is_new);
     renewed_at_ = steps_done_;
   }
 
@@ -495,50 +483,20 @@ class MultirateStepper final : public core::BallStepper {
     speed2_ = mean_square_speed();
     largest_inverse_mass_ = 0.0;
     for (const double inverse : balls_.inverse_mass) largest_inverse_mass_ = std::max(largest_inverse_mass_, inverse);
-    for (const bool fixed : {false, true}) books_[fixed].level.resize((fixed ? list_.fixed_pairs() : list_.ball_pairs()).count);
-    needs_.resize(static_cast<std::size_t>(threads_));
-#pragma omp parallel for num_threads(threads_) schedule(static, 1) if (threads_ > 1)
-    for (int t = 0; t < threads_; ++t) {
-      std::vector<Need>& needs = needs_[static_cast<std::size_t>(t)];
-      needs.assign(balls_.content_count(), Need{});
+    share_work(threads_, [this](int t) {
       for (const bool fixed : {false, true}) {
-        const std::size_t count = books_[fixed].level.size();
-        add_needs(fixed, needs, count * t / threads_, count * (t + 1) / threads_);
+        std::vector<Need>& needs = needs_[static_cast<std::size_t>(t)].of[fixed];
+        needs.assign(balls_.content_count(), Need{});
+        PairBook& book = books_[fixed];
+        const core::ContactLaw its = law(fixed, 0.0).law;
+        const NeedParameters with{its.k, its.reach, interval_, kSoon * length_scale_, speed2_,
+                                  1.0 / (largest_inverse_mass_ * kMatrixUnit), !fixed};
+        const std::size_t count = listed(fixed).count;
+        add_needs_(listed(fixed).span(), book.records(0), paths_.data(), margin_.data(), with, book.level.data(),
+                   needs.data(), count * t / threads_, count * (t + 1) / threads_);
+        std::fill(book.level.begin() + static_cast<std::ptrdiff_t>(count), book.level.end(), kSkipped);
       }
-    }
-  }
-
-  /// Needs from pairs [begin, end) of one kind.
-  void add_needs(bool fixed, std::vector<Need>& needs, std::size_t begin, std::size_t end) {
-    const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
-    PairBook& book = books_[fixed];
-    const core::ContactLaw its = law(fixed, 0.0).law;
-    const core::Path at_rest{};
-    const double soon = kSoon * length_scale_;
-    const double per_unit = 1.0 / (largest_inverse_mass_ * kMatrixUnit);
-    for (std::size_t p = begin; p < end; ++p) {
-      const std::uint32_t i = pairs.i[p], j = pairs.j[p];
-      const double gap = -book.overlap[p] - its.reach;
-      if (gap > book.speed[p] * interval_ + margin_[i] + (fixed ? 0.0 : margin_[j])) {
-        book.level[p] = kSkipped;
-        continue;
-      }
-      book.level[p] = 0;
-      if (gap > kAccelerating * std::max(book.rate[p], 0.0) * interval_ + soon) continue;
-      const double inverse_mass = balls_.inverse_mass[i] + (fixed ? 0.0 : balls_.inverse_mass[j]);
-      const core::Path &a = paths_[i], &b = fixed ? at_rest : paths_[j];
-      const double acceleration = (a.ax - b.ax) * book.nx[p] + (a.ay - b.ay) * book.ny[p] + (a.az - b.az) * book.nz[p];
-      const PairMotion motion = motion_of(book.overlap[p], book.rate[p], acceleration, its.k * inverse_mass, speed2_);
-      const NormalMatrix nn = NormalMatrix::of(book.nx[p], book.ny[p], book.nz[p], inverse_mass * per_unit);
-      const auto add = [&](Need& need) {
-        double& urgency4 = motion.is_impact ? need.impact4 : need.smooth4;
-        urgency4 = std::max(urgency4, motion.urgency4);
-        need.is_confined = need.is_confined || !motion.is_impact;
-        (fixed ? need.matrix.fixed : need.matrix.ball) += nn;
-      };
-      add(needs[i]);
-      if (!fixed) add(needs[j]);
-    }
+    });
   }
 
   /// Each ball's level from what its pairs need, before the limiter.
@@ -548,24 +506,39 @@ class MultirateStepper final : public core::BallStepper {
     level_.resize(before_.size());
     share_balls([&](std::uint32_t begin, std::uint32_t end) {
       for (std::uint32_t row = begin; row < end; ++row) {
-        Need& need = needs_[0][row];
-        for (int t = 1; t < threads_; ++t) need.add(needs_[static_cast<std::size_t>(t)][row]);
+        const ContactMatrix matrix{matrix_of(row, false), matrix_of(row, true)};
         Level level = ladder_.coarsest();
-        while (level > 0 && !is_stable(need.matrix, ladder_.step(level), ball, fixed, largest_inverse_mass_)) --level;
+        while (level > 0 && !is_stable(matrix, ladder_.step(level), ball, fixed, largest_inverse_mass_)) --level;
         level_[row] = level;
+        Urgency& urgency = urgency_[row] = {};
+        for (const Needs& part : needs_) {
+          for (const std::vector<Need>& needs : part.of) {
+            urgency.smooth4 = std::max(urgency.smooth4, needs[row].smooth4);
+            urgency.impact4 = std::max(urgency.impact4, needs[row].impact4);
+          }
+        }
+        urgency.impact4 = eased_impact4(urgency.impact4, urgency.smooth4);
       }
     });
-    share_error(kSmoothError, [](const Need& need) { return need.smooth4; });
-    share_error(kImpactError, [](const Need& need) { return need.eased_impact4(); });
+    share_error(kSmoothError, &Urgency::smooth4);
+    share_error(kImpactError, &Urgency::impact4);
+  }
+
+  /// What the threads have found of a ball's contacts of one kind.
+  NormalMatrix matrix_of(std::uint32_t row, bool fixed) const {
+    NormalMatrix sum;
+    for (const Needs& part : needs_) {
+      for (int k = 0; k < 6; ++k) sum.entry[k] += part.of[fixed][row].matrix[k];
+    }
+    return sum;
   }
 
   /// Makes balls finer until the expected error from these urgencies is the tolerance.
-  template <class Urgency4>
-  void share_error(double error_factor, Urgency4 urgency4) {
+  void share_error(double error_factor, double Urgency::*urgency4) {
     strides4_.clear();
     double sum4 = 0.0;  // of urgencies, 1/s4
     for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
-      const double its4 = urgency4(needs_[0][row]), stride4 = fourth(ladder_.step(level_[row])) * its4;
+      const double its4 = urgency_[row].*urgency4, stride4 = fourth(ladder_.step(level_[row])) * its4;
       if (stride4 > 0.0) strides4_.push_back(stride4);
       sum4 += its4;
     }
@@ -574,7 +547,7 @@ class MultirateStepper final : public core::BallStepper {
     ran_out_ = ran_out_ || fourth(ladder_.tick()) * sum4 > affordable4(n, error_factor, setup_.stepping.tolerance);
     share_balls([&](std::uint32_t begin, std::uint32_t end) {
       for (std::uint32_t row = begin; row < end; ++row) {
-        level_[row] = std::min(level_[row], classed(urgency4(needs_[0][row]), reach4, before_[row]));
+        level_[row] = std::min(level_[row], classed(urgency_[row].*urgency4, reach4, before_[row]));
       }
     });
   }
@@ -647,19 +620,31 @@ class MultirateStepper final : public core::BallStepper {
     }
   }
 
-  /// Balances of balls that all begin a step now: the stored forces at the contacts' new weights.
-  void open_at_levels() {
-    sum_records();
+  /// Balances and ledger of steps that all begin now. What the last kick and evaluation left holds for pairs and balls that
+  /// keep their levels; the others' forces are evaluated again where they were. `is_new`: that is all of them.
+  void open_at_levels(bool is_new) {
+    if (is_new) opened_ = {Opened{{}, {}, 0.5 * ladder_.tick()}};
     for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
-      IntVec impulse;
-      for (int t = 0; t < threads_; ++t) {
-        core::WeightedSum& sum = sums_[static_cast<std::size_t>(t) * stride() + row];
-        for (int k = 0; k < 3; ++k) impulse.v[k] += sum.impulse.v[k];
-        sum = {};
-      }
-      for (int k = 0; k < 3; ++k) balance_[row].v[k] = impulse.v[k] - (paths_[row].opening.v[k] << (level_[row] + 1));
+      const std::int64_t had = is_new ? 0 : std::int64_t{2} << before_[row], has = std::int64_t{2} << level_[row];
+      if (is_new) balance_[row] = {};
+      if (had == has) continue;
+      for (int k = 0; k < 3; ++k) balance_[row].v[k] += (had - has) * paths_[row].opening.v[k];
     }
-    parts_ = 1;
+    for (const bool fixed : {false, true}) {
+      const PairList& pairs = listed(fixed);
+      const PairBook& book = books_[fixed];
+      const core::SweepLaw its = law(fixed, step_);
+      changed_.clear();
+      for (std::size_t p = 0; p < pairs.count; ++p) {
+        const bool has_force = book.overlap[p] >= -its.law.reach;
+        if (has_force && book.before[p] != book.level[p]) changed_.add(pairs.i[p], pairs.j[p], book.before[p], book.level[p]);
+      }
+      changed_.finish(balls_.far_row());
+      costs_.contact_evaluations += changed_.pairs.count;
+      Opened& half = opened_.front();
+      setup_.kernels->reweigh(evaluated_.data(), changed_.pairs.span(), its, changed_.from.data(),
+                              changed_.to.data(), balance_.data(), fixed ? half.fixed : half.ball);
+    }
   }
 
   // ---- housekeeping ----
@@ -670,6 +655,9 @@ class MultirateStepper final : public core::BallStepper {
     core::reorder_like(level_, order);
     expected_.resize(order.size());
     margin_.resize(order.size());
+    urgency_.resize(order.size());
+    for (const bool fixed : {false, true}) books_[fixed].begin(listed(fixed).i.size());
+    balance_.resize(order.size() + std::size_t{1});  // the far row has one too
     sums_.assign(static_cast<std::size_t>(threads_) * stride(), core::WeightedSum{});
   }
   std::vector<std::uint8_t> levels() const override { return level_; }
@@ -692,6 +680,11 @@ class MultirateStepper final : public core::BallStepper {
   core::EventBook event_book_;
   int threads_;
   core::AdvanceParameters advance_;
+  AddNeeds add_needs_;
+  std::vector<std::uint8_t> drifted_;       // per level: its rows have gone on to their next tick
+  std::vector<SweepTotals> totals_;         // per thread
+  std::vector<core::CandidateList> found_;  // per thread
+  std::vector<Needs> needs_;                // per thread
   std::vector<core::Path> paths_;
   std::vector<IntVec> balance_;      // force units times half ticks
   std::vector<Level> level_;         // of balls: their own steps
@@ -701,10 +694,9 @@ class MultirateStepper final : public core::BallStepper {
   int parts_ = 1;                        // arrays of sums_ in use since the last kick
   std::vector<Batch> batches_;           // per level
   std::vector<std::vector<std::uint32_t>> drifting_;  // rows per drift level
-  std::vector<std::vector<std::uint32_t>> found_;     // event candidates per thread
-  std::vector<std::vector<std::uint32_t>> recorded_[2];
   PairBook books_[2];                    // among balls, with fixed balls
-  std::vector<std::vector<Need>> needs_;  // per thread
+  ChangedPairs changed_;
+  std::vector<Urgency> urgency_;
   std::vector<double> strides4_;          // see shared_reach4()
   std::vector<Level> before_;             // levels of the balls before the present renewal
   std::vector<double> margin_;            // m, see margin()

@@ -80,8 +80,8 @@ void drift(benchmark::State& run, const Kernels& kernel, const Scene& scene) {
   time_items(run, "ball", on.rows.size(), restore, [&] { kernel.drift(rows.data(), on.paths.data(), on.span(), kStep); });
 }
 
-/// `ends`: whether the balls' own steps end, or only their balance grows.
-void kick(benchmark::State& run, const Kernels& kernel, const Scene& scene, bool ends) {
+/// `ends`: whether the balls' own steps end, or only their balance grows; `drift` [s]: by which they go on at once.
+void kick(benchmark::State& run, const Kernels& kernel, const Scene& scene, bool ends, double drift) {
   Paths on(scene);
   const std::vector<core::IntVec> forces = force_sums(scene);
   const std::vector<std::uint8_t> level(on.rows.size(), kLevel);
@@ -93,7 +93,7 @@ void kick(benchmark::State& run, const Kernels& kernel, const Scene& scene, bool
     balance.assign(on.rows.size(), core::IntVec{});
     for (std::size_t i = 0; i < sums.size(); ++i) sums[i] = {forces[i], forces[i]};
   };
-  const core::KickParameters p{{0.0, 0.0, -kGravity}, scene.scale.unit, kStep, ends ? kLevel : kLevel - 1};
+  const core::KickParameters p{{0.0, 0.0, -kGravity}, scene.scale.unit, kStep, ends ? kLevel : kLevel - 1, drift};
   time_items(run, "ball", on.rows.size(), restore, [&] {
     kernel.kick(rows.data(), on.paths.data(), balance.data(), level.data(), sums.data(), sums.size(), 1, on.span(), p);
   });
@@ -130,8 +130,9 @@ void add_balls(const Start& start) {
     add_one("advance/lagged",
             [](auto& run, auto& k, auto& s) { advance(run, k.advance_lagged, s, Advance::close_and_open); });
     add_one("drift/all", [](auto& run, auto& k, auto& s) { drift(run, k, s); });
-    add_one("kick/end", [](auto& run, auto& k, auto& s) { kick(run, k, s, true); });
-    add_one("kick/within", [](auto& run, auto& k, auto& s) { kick(run, k, s, false); });
+    add_one("kick/end", [](auto& run, auto& k, auto& s) { kick(run, k, s, true, 0.0); });
+    add_one("kick/end_and_drift", [](auto& run, auto& k, auto& s) { kick(run, k, s, true, kStep); });
+    add_one("kick/within", [](auto& run, auto& k, auto& s) { kick(run, k, s, false, 0.0); });
     add_one("watch/all", [](auto& run, auto& k, auto& s) { watch(run, k, s); });
   }
 }

@@ -57,67 +57,35 @@ void sweep_weighted(benchmark::State& run, const Kernels& kernel, const Scene& s
   });
 }
 
-/// What Kernels::record writes.
-struct Book {
-  std::vector<double> overlap, rate, speed, nx, ny, nz;
-  std::vector<core::IntVec> force;
-  std::vector<std::int64_t> magnitude, power, turned;
-  std::vector<std::uint8_t> shift;
-
-  explicit Book(std::size_t n) : shift(n, kShift) {
-    for (auto* v : {&overlap, &rate, &speed, &nx, &ny, &nz}) v->resize(n);
-    force.resize(n);
-    for (auto* v : {&magnitude, &power, &turned}) v->resize(n);
-  }
-  core::PairRecords records() {
-    return {overlap.data(), rate.data(),      speed.data(), {nx.data(), ny.data(), nz.data()},
-            force.data(),   magnitude.data(), power.data(), turned.data()};
-  }
-};
-
-void record_into(Book& book, const Kernels& kernel, const Scene& scene, Candidates& found) {
-  SweepTotals totals;
-  kernel.record(scene.balls.rows.data(), scene.pairs(false).span(), scene.law(false), book.records(), totals, &found);
-  benchmark::DoNotOptimize(totals);
-}
-
-void record(benchmark::State& run, const Kernels& kernel, const Scene& scene) {
-  Book book(scene.pairs(false).span().n);
-  CandidateRoom room(scene.pairs(false).span().n);
-  time_items(
-      run, "pair", scene.pairs(false).count, [] {},
-      [&] {
-        Candidates found = room.empty();
-        record_into(book, kernel, scene, found);
-      });
-}
-
-void sum_recorded(benchmark::State& run, const Kernels& kernel, const Scene& scene) {
-  const core::PairList& pairs = scene.pairs(false);
-  Book book(pairs.span().n);
-  CandidateRoom room(pairs.span().n);
-  Candidates found = room.empty();
-  record_into(book, kernel, scene, found);
+/// Evaluates all pairs for a renewal; `summing` as at the end of a step, else as for a new list.
+void record(benchmark::State& run, const Kernels& kernel, const Scene& scene, bool summing) {
+  const core::PairSpan pairs = scene.pairs(false).span();
+  std::vector<double> overlap(pairs.n), rate(pairs.n), speed(pairs.n);
+  std::vector<core::Normal> normal(pairs.n);
+  const std::vector<std::uint8_t> level(pairs.n, kShift);
   std::vector<core::WeightedSum> sums(scene.balls.rows.size());
+  CandidateRoom room(pairs.n);
   const auto clear = [&] { std::fill(sums.begin(), sums.end(), core::WeightedSum{}); };
-  time_items(run, "pair", pairs.count, clear, [&] {
-    kernel.sum_recorded(pairs.span(), book.force.data(), book.shift.data(), true, sums.data(), 0, pairs.count);
+  time_items(run, "pair", scene.pairs(false).count, clear, [&] {
+    Candidates found = room.empty();
+    SweepTotals totals;
+    kernel.record(scene.balls.rows.data(), pairs, scene.law(false), level.data(),
+                  {overlap.data(), rate.data(), speed.data(), normal.data()}, summing ? sums.data() : nullptr, totals, found);
+    benchmark::DoNotOptimize(totals);
   });
 }
 
-void total_recorded(benchmark::State& run, const Kernels& kernel, const Scene& scene) {
-  const core::PairList& pairs = scene.pairs(false);
-  Book book(pairs.span().n);
-  CandidateRoom room(pairs.span().n);
-  Candidates found = room.empty();
-  record_into(book, kernel, scene, found);
-  time_items(
-      run, "pair", pairs.count, [] {},
-      [&] {
-        SweepTotals totals;
-        kernel.total_recorded(book.records(), book.shift.data(), false, totals, 0, pairs.count);
-        benchmark::DoNotOptimize(totals);
-      });
+/// Gives all pairs another level.
+void reweigh(benchmark::State& run, const Kernels& kernel, const Scene& scene) {
+  const core::PairSpan pairs = scene.pairs(false).span();
+  const std::vector<std::uint8_t> from(pairs.n, kShift), to(pairs.n, kShift + 1);
+  std::vector<core::IntVec> balance(scene.balls.rows.size());
+  const auto clear = [&] { std::fill(balance.begin(), balance.end(), core::IntVec{}); };
+  time_items(run, "pair", scene.pairs(false).count, clear, [&] {
+    SweepTotals totals;
+    kernel.reweigh(scene.balls.rows.data(), pairs, scene.law(false), from.data(), to.data(), balance.data(), totals);
+    benchmark::DoNotOptimize(totals);
+  });
 }
 
 }  // namespace
@@ -134,9 +102,9 @@ void add_contacts(const Start& start) {
       add_one("sweep_fixed/" + with, [=](auto& run, auto& k, auto& s) { sweep(run, k, s, true, events); });
       add_one("sweep_weighted/" + with, [=](auto& run, auto& k, auto& s) { sweep_weighted(run, k, s, events); });
     }
-    add_one("record/events", [](auto& run, auto& k, auto& s) { record(run, k, s); });
-    add_one("sum_recorded/all", [](auto& run, auto& k, auto& s) { sum_recorded(run, k, s); });
-    add_one("total_recorded/all", [](auto& run, auto& k, auto& s) { total_recorded(run, k, s); });
+    add_one("record/closing", [](auto& run, auto& k, auto& s) { record(run, k, s, true); });
+    add_one("record/new_list", [](auto& run, auto& k, auto& s) { record(run, k, s, false); });
+    add_one("reweigh/all", [](auto& run, auto& k, auto& s) { reweigh(run, k, s); });
   }
 }
 

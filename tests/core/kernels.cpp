@@ -118,32 +118,70 @@ SweptWeighted sweep_weighted(const Kernels& kernel, const Rows& rows, bool fixed
 }
 
 struct Recorded {
-  std::vector<double> overlap, rate, speed, nx, ny, nz;
-  std::vector<IntVec> force;
-  std::vector<std::int64_t> magnitude, power, turned;
+  std::vector<double> overlap, rate, speed;
+  std::vector<Normal> normal;
+  std::vector<WeightedSum> sums;
   SweepTotals totals;
   std::vector<std::uint32_t> candidates;
-  PairRecords records() {
-    return {overlap.data(), rate.data(),      speed.data(), {nx.data(), ny.data(), nz.data()},
-            force.data(),   magnitude.data(), power.data(), turned.data()};
-  }
   bool operator==(const Recorded& o) const {
-    return same_bits(overlap, o.overlap) && same_bits(rate, o.rate) && same_bits(speed, o.speed) && same_bits(nx, o.nx) &&
-           same_bits(ny, o.ny) && same_bits(nz, o.nz) && same_bits(force, o.force) && same_bits(magnitude, o.magnitude) &&
-           same_bits(power, o.power) && same_bits(turned, o.turned) && same(totals, o.totals) && candidates == o.candidates;
+    return same_bits(overlap, o.overlap) && same_bits(rate, o.rate) && same_bits(speed, o.speed) &&
+           same_bits(normal, o.normal) && same_bits(sums, o.sums) && same(totals, o.totals) && candidates == o.candidates;
   }
 };
 
-Recorded record(const Kernels& kernel, const Rows& rows, bool fixed) {
+/// One level per pair; the pairs that fill up the last vector have none.
+std::vector<std::uint8_t> some_levels(std::size_t n, std::uint32_t seed) {
+  Random random(seed);
+  std::vector<std::uint8_t> level(n);
+  for (auto& l : level) l = random.below(5) == 0 ? kNoWeight : static_cast<std::uint8_t>(random.below(12));
+  return level;
+}
+
+std::int64_t weight_of(std::uint8_t level) { return level == kNoWeight ? 0 : std::int64_t{1} << level; }
+
+Recorded record(const Kernels& kernel, const Rows& rows, bool fixed, const std::vector<std::uint8_t>& level,
+                bool summing = true) {
   Recorded out;
   const std::size_t n = rows.pairs(fixed).n;
-  for (auto* v : {&out.overlap, &out.rate, &out.speed, &out.nx, &out.ny, &out.nz}) v->resize(n);
-  for (auto* v : {&out.magnitude, &out.power, &out.turned}) v->resize(n);
-  out.force.resize(n);
+  for (auto* v : {&out.overlap, &out.rate, &out.speed}) v->resize(n);
+  out.normal.resize(n);
+  out.sums.resize(rows.stride());
   out.candidates.resize(n + kLanes);
   Candidates candidates{out.candidates.data()};
-  kernel.record(rows.balls.rows.data(), rows.pairs(fixed), rows.law(fixed), out.records(), out.totals, &candidates);
+  const PairRecords records{out.overlap.data(), out.rate.data(), out.speed.data(), out.normal.data()};
+  kernel.record(rows.balls.rows.data(), rows.pairs(fixed), rows.law(fixed), level.data(), records,
+                summing ? out.sums.data() : nullptr, out.totals, candidates);
   out.candidates.resize(candidates.n);
+  return out;
+}
+
+/// The sums and totals of pairs, each weighted, by sweeping them one level at a time.
+struct Weighted {
+  std::vector<std::array<std::int64_t, 3>> impulse;
+  SweepTotals totals;
+};
+Weighted weigh_level_by_level(const Rows& rows, bool fixed, const std::vector<std::uint8_t>& level) {
+  Weighted out;
+  out.impulse.resize(rows.stride());
+  const PairSpan all = rows.pairs(fixed);
+  for (std::uint8_t l = 0; l < 12; ++l) {
+    std::vector<std::uint32_t> i, j;
+    for (std::size_t p = 0; p < all.n; ++p) {
+      if (level[p] != l) continue;
+      i.push_back(all.i[p]);
+      j.push_back(all.j[p]);
+    }
+    rows.fill(i, j);
+    std::vector<IntVec> sums(rows.stride());
+    SweepTotals totals;
+    kernels().sweep(rows.balls.rows.data(), {i.data(), j.data(), i.size()}, rows.law(fixed), sums.data(), totals, nullptr);
+    for (std::size_t row = 0; row < rows.stride(); ++row)
+      for (int k = 0; k < 3; ++k) out.impulse[row][k] += weight_of(l) * sums[row].v[k];
+    for (int k = 0; k < 3; ++k) out.totals.force[k] += weight_of(l) * totals.force[k];
+    out.totals.magnitude += weight_of(l) * totals.magnitude;
+    out.totals.power += weight_of(l) * totals.power;
+    out.totals.turned += weight_of(l) * totals.turned;
+  }
   return out;
 }
 
@@ -171,7 +209,8 @@ TEST(Kernels, PairLoopsGiveTheSameBitsOnEveryInstructionSet) {
           expect_same_bits([&](const Kernels& k) { return sweep(k, rows, fixed, events); }, "sweep");
           expect_same_bits([&](const Kernels& k) { return sweep_weighted(k, rows, fixed, 5, events); }, "sweep_weighted");
         }
-        expect_same_bits([&](const Kernels& k) { return record(k, rows, fixed); }, "record");
+        const auto level = some_levels(rows.pairs(fixed).n, 3);
+        expect_same_bits([&](const Kernels& k) { return record(k, rows, fixed, level); }, "record");
       }
     }
   }
@@ -225,34 +264,58 @@ TEST(Kernels, RecordAndWeightedSweepAgreeWithSweep) {
   for (const TermsOn& terms : kTerms) {
     const Rows rows(terms);
     for (const bool fixed : {false, true}) {
-      const PairSpan pairs = rows.pairs(fixed);
       const Swept swept = sweep(kernels(), rows, fixed, true);
       const SweptWeighted weighted = sweep_weighted(kernels(), rows, fixed, 5, true);
-      Recorded recorded = record(kernels(), rows, fixed);
-      EXPECT_TRUE(same(recorded.totals, swept.totals));
+      const std::vector<std::uint8_t> level = some_levels(rows.pairs(fixed).n, 3);
+      const Recorded recorded = record(kernels(), rows, fixed, level);
+      const Weighted expected = weigh_level_by_level(rows, fixed, level);
       EXPECT_TRUE(same(weighted.totals, swept.totals));
+      EXPECT_TRUE(same(recorded.totals, expected.totals));
       EXPECT_EQ(recorded.candidates, swept.candidates);
       EXPECT_EQ(weighted.candidates, swept.candidates);
       EXPECT_TRUE(same_bits(sweep(kernels(), rows, fixed, false).sums, swept.sums)) << "search for events changes no force";
-      std::vector<IntVec> sums(rows.stride());
-      SweepTotals totals;
-      for (std::size_t p = 0; p < pairs.n; ++p) {
-        for (int axis = 0; axis < 3; ++axis) {
-          sums[pairs.i[p]].v[axis] += recorded.force[p].v[axis];
-          if (!fixed) sums[pairs.j[p]].v[axis] -= recorded.force[p].v[axis];
-          totals.force[axis] += recorded.force[p].v[axis];
-        }
-        totals.magnitude += recorded.magnitude[p];
-        totals.power += recorded.power[p];
-        totals.turned += recorded.turned[p];
-      }
-      EXPECT_TRUE(same_bits(sums, swept.sums));
-      EXPECT_TRUE(same(totals, swept.totals));
       for (std::size_t row = 0; row < rows.stride(); ++row)
         for (int axis = 0; axis < 3; ++axis) {
           EXPECT_EQ(weighted.sums[row].force.v[axis], swept.sums[row].v[axis]);
           EXPECT_EQ(weighted.sums[row].impulse.v[axis], 32 * swept.sums[row].v[axis]);
+          EXPECT_EQ(recorded.sums[row].force.v[axis], swept.sums[row].v[axis]);
+          EXPECT_EQ(recorded.sums[row].impulse.v[axis], expected.impulse[row][axis]);
         }
+      const Recorded unsummed = record(kernels(), rows, fixed, level, false);
+      EXPECT_TRUE(same_bits(unsummed.overlap, recorded.overlap));
+      EXPECT_TRUE(same_bits(unsummed.sums, std::vector<WeightedSum>(rows.stride())));
+    }
+  }
+}
+
+TEST(Kernels, ReweighingAddsTheDifferenceOfTheWeights) {
+  for (const TermsOn& terms : kTerms) {
+    const Rows rows(terms);
+    for (const bool fixed : {false, true}) {
+      const PairSpan pairs = rows.pairs(fixed);
+      const std::vector<std::uint8_t> from = some_levels(pairs.n, 3), to = some_levels(pairs.n, 4);
+      struct Out {
+        std::vector<IntVec> balance;
+        SweepTotals totals;
+        bool operator==(const Out& o) const { return same_bits(balance, o.balance) && same(totals, o.totals); }
+      };
+      const auto run = [&](const Kernels& kernel) {
+        Out out;
+        out.balance.resize(rows.stride());
+        kernel.reweigh(rows.balls.rows.data(), pairs, rows.law(fixed), from.data(), to.data(), out.balance.data(), out.totals);
+        return out;
+      };
+      expect_same_bits(run, "reweigh");
+      const Out out = run(kernels());
+      const Weighted had = weigh_level_by_level(rows, fixed, from), has = weigh_level_by_level(rows, fixed, to);
+      for (std::size_t row = 0; row < rows.stride(); ++row)
+        for (int axis = 0; axis < 3; ++axis) {
+          EXPECT_EQ(out.balance[row].v[axis], has.impulse[row][axis] - had.impulse[row][axis]);
+        }
+      for (int axis = 0; axis < 3; ++axis) EXPECT_EQ(out.totals.force[axis], has.totals.force[axis] - had.totals.force[axis]);
+      EXPECT_EQ(out.totals.magnitude, has.totals.magnitude - had.totals.magnitude);
+      EXPECT_EQ(out.totals.power, has.totals.power - had.totals.power);
+      EXPECT_EQ(out.totals.turned, has.totals.turned - had.totals.turned);
     }
   }
 }
@@ -260,7 +323,7 @@ TEST(Kernels, RecordAndWeightedSweepAgreeWithSweep) {
 TEST(Kernels, RecordedGeometryIsThePairs) {
   const Rows rows(kTerms[0]);
   const PairSpan pairs = rows.pairs(false);
-  const Recorded recorded = record(kernels(), rows, false);
+  const Recorded recorded = record(kernels(), rows, false, std::vector<std::uint8_t>(pairs.n, kNoWeight));
   for (std::size_t p = 0; p < pairs.n; ++p) {
     const BallRow& a = rows.balls.rows[pairs.i[p]];
     const BallRow& b = rows.balls.rows[pairs.j[p]];
@@ -272,54 +335,8 @@ TEST(Kernels, RecordedGeometryIsThePairs) {
     EXPECT_NEAR(recorded.overlap[p], a.r + b.r - x.norm(), 1e-15);  // rounding
     EXPECT_NEAR(recorded.rate[p], -x.normalized().dot(v), 1e-14);
     EXPECT_NEAR(recorded.speed[p], v.norm(), 1e-14);
-    EXPECT_NEAR((Vec3(recorded.nx[p], recorded.ny[p], recorded.nz[p]) - x.normalized()).norm(), 0.0, 1e-15);
-  }
-}
-
-TEST(Kernels, RecordedForcesAreSummedAndWeightedAlikeEverywhere) {
-  Rows rows(kTerms[2]);
-  Random random(3);
-  for (const bool fixed : {false, true}) {
-    const PairSpan pairs = rows.pairs(fixed);
-    Recorded recorded = record(kernels(), rows, fixed);
-    std::vector<std::uint8_t> shift(pairs.n);
-    for (auto& s : shift) s = random.below(5) == 0 ? kNoWeight : static_cast<std::uint8_t>(random.below(8));
-    const std::size_t begin = 3, end = pairs.n - 2;
-    struct Out {
-      std::vector<WeightedSum> sums;
-      SweepTotals with, without;
-      bool operator==(const Out& o) const {
-        return same_bits(sums, o.sums) && same(with, o.with) && same(without, o.without);
-      }
-    };
-    const auto run = [&](const Kernels& kernel) {
-      Out out;
-      out.sums.resize(rows.stride());
-      kernel.sum_recorded(pairs, recorded.force.data(), shift.data(), !fixed, out.sums.data(), begin, end);
-      kernel.total_recorded(recorded.records(), shift.data(), true, out.with, begin, end);
-      kernel.total_recorded(recorded.records(), shift.data(), false, out.without, begin, end);
-      return out;
-    };
-    expect_same_bits(run, "recorded");
-    Out expected;
-    expected.sums.resize(rows.stride());
-    for (std::size_t p = begin; p < end; ++p) {
-      const std::int64_t weight = shift[p] == kNoWeight ? 0 : std::int64_t{1} << shift[p];
-      for (int axis = 0; axis < 3; ++axis) {
-        const std::int64_t f = recorded.force[p].v[axis];
-        expected.sums[pairs.i[p]].force.v[axis] += f;
-        expected.sums[pairs.i[p]].impulse.v[axis] += weight * f;
-        if (!fixed) expected.sums[pairs.j[p]].force.v[axis] -= f;
-        if (!fixed) expected.sums[pairs.j[p]].impulse.v[axis] -= weight * f;
-        expected.with.force[axis] += weight * f;
-      }
-      expected.with.magnitude += weight * recorded.magnitude[p];
-      expected.with.power += weight * recorded.power[p];
-      expected.with.turned += weight * recorded.turned[p];
-    }
-    expected.without = expected.with;
-    std::fill(expected.without.force, expected.without.force + 3, 0);
-    EXPECT_TRUE(run(kernels()) == expected);
+    const Normal& n = recorded.normal[p];
+    EXPECT_NEAR((Vec3(n.x, n.y, n.z) - x.normalized()).norm(), 0.0, 1e-15);
   }
 }
 
@@ -517,9 +534,19 @@ TEST(Kernels, DriftKickAndWatchGiveTheSameBitsOnEveryInstructionSet) {
   const auto run = [&](const Kernels& kernel) {
     Out out{moving.rows.balls.rows, paths, moving.opening, sums, false, false};
     kernel.drift(out.rows.data(), paths.data(), some, 3.0 * kStep);
-    const KickParameters kick{{0.1, -0.2, -9.81}, moving.rows.scale.unit, 0.5 * kStep, 3};
-    kernel.kick(out.rows.data(), out.paths.data(), out.balance.data(), level.data(), out.sums.data(), moving.rows.stride(),
-                kParts, some, kick);
+    KickParameters kick{{0.1, -0.2, -9.81}, moving.rows.scale.unit, 0.5 * kStep, 3, 0.0};
+    const auto kicked = [&](double drift) {
+      Out after = out;
+      kick.drift = drift;
+      kernel.kick(after.rows.data(), after.paths.data(), after.balance.data(), level.data(), after.sums.data(),
+                  moving.rows.stride(), kParts, some, kick);
+      return after;
+    };
+    const Out at_once = kicked(2.0 * kStep);
+    out = kicked(0.0);
+    Out one_by_one = out;
+    kernel.drift(one_by_one.rows.data(), one_by_one.paths.data(), some, 2.0 * kStep);
+    EXPECT_TRUE(at_once == one_by_one) << "a kick that drifts is a kick and a drift";
     const AdvanceReport report = kernel.watch(out.rows.data(), expected.data(), 3.0 * kStep, moving.parameters, 0, n);
     out.unsafe = report.list_unsafe;
     out.crossed = report.crossed;

@@ -1,0 +1,39 @@
+// What listed pairs ask of the steps of their balls (classes.hpp), for all pairs at once. The loop is compiled once per
+// instruction set, as the sweeps of the core are, and gives the same bits on all.
+#pragma once
+
+#include "core/kernels.hpp"
+#include "multirate/classes.hpp"
+
+namespace grainclock::multirate {
+
+constexpr Level kSkipped = core::kNoWeight;  // of a pair that cannot touch before the next renewal
+constexpr double kAccelerating = 1.5;        // an approach may be faster than it looks now by this much
+
+/// What a ball's pairs of one kind, with balls or with fixed balls, ask of its step.
+struct alignas(64) Need {
+  double matrix[6];  // sum of NormalMatrix entries, see is_stable()
+  double smooth4;    // 1/s4, the largest urgency of smooth pairs to the fourth power; above 0 a pair holds the ball
+  double impact4;    // 1/s4, of impacts
+};
+
+struct NeedParameters {
+  double k;         // N/m
+  double reach;     // m, largest gap at which a pair interacts
+  double interval;  // s, to the next renewal
+  double soon;      // m, gaps below it count as about to close
+  double speed2;    // m2/s2, the scene's speed squared
+  double per_unit;  // kg, turns inverse masses into scales of NormalMatrix
+  bool both;        // j is content
+};
+
+/// Marks pairs [begin, end) that cannot touch within the interval as kSkipped, others as 0, and adds what these ask to
+/// `needs` of their balls. Pairs as recorded at the end of a step, `paths` as they go on; `margin`
+/// [m] is how far a ball may stray from its straight path. Sums are whole numbers, so that any order gives the same.
+using AddNeeds = void (*)(core::PairSpan, const core::PairRecords&, const core::Path* paths, const double* margin,
+                          const NeedParameters&, Level* level, Need* needs, std::size_t begin, std::size_t end);
+
+/// The loop for the instruction set of `kernels`.
+AddNeeds add_needs_on(const core::Kernels& kernels);
+
+}  // namespace grainclock::multirate

@@ -1,0 +1,127 @@
+// The loop that collects what pairs ask of their balls, against the same rules pair by pair.
+#include "multirate/needs.hpp"
+
+#include "tests/support/balls.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace grainclock::multirate {
+namespace {
+
+using tests::Random;
+using tests::same_bits;
+
+constexpr std::size_t kBalls = 60, kPairs = 301;  // neither is a multiple of a block or a vector
+
+/// Pairs in all states: deep, shallow, apart, approaching, receding.
+struct Pairs {
+  std::vector<std::uint32_t> i, j;
+  std::vector<double> overlap, rate, speed, margin;
+  std::vector<core::Normal> normal;
+  std::vector<core::Path> paths;
+  NeedParameters with{1e7, 0.0, 1.6e-3, 1e-4, 0.3, 0.0, true};
+
+  explicit Pairs(bool both, double reach = 0.0) {
+    Random random(7);
+    with.both = both;
+    with.reach = reach;
+    with.per_unit = 50.0 / kMatrixUnit;
+    for (std::size_t k = 0; k < kBalls; ++k) {
+      core::Path path{random.between(-30, 30), random.between(-30, 30), random.between(-30, 30), random.between(0.01, 0.02), {}};
+      paths.push_back(path);
+      margin.push_back(random.between(1e-4, 2e-3));
+    }
+    for (std::size_t p = 0; p < kPairs; ++p) {
+      i.push_back(static_cast<std::uint32_t>(random.below(kBalls)));
+      j.push_back(static_cast<std::uint32_t>(random.below(kBalls)));
+      overlap.push_back(random.between(-6e-3, 2e-3));
+      rate.push_back(random.between(-2.0, 2.0));
+      speed.push_back(std::abs(rate.back()) + random.between(0.0, 1.0));
+      const double x = random.between(-1, 1), y = random.between(-1, 1), z = random.between(-1, 1);
+      const double length = std::sqrt(x * x + y * y + z * z);
+      normal.push_back({x / length, y / length, z / length, 0.0});
+    }
+  }
+};
+
+struct Found {
+  std::vector<Level> level = std::vector<Level>(kPairs, 77);
+  std::vector<Need> needs = std::vector<Need>(kBalls);
+  bool operator==(const Found& o) const { return same_bits(level, o.level) && same_bits(needs, o.needs); }
+};
+
+Found find(Pairs& pairs, const core::Kernels& kernels) {
+  Found out;
+  const core::PairRecords records{pairs.overlap.data(), pairs.rate.data(), pairs.speed.data(), pairs.normal.data()};
+  add_needs_on(kernels)({pairs.i.data(), pairs.j.data(), kPairs}, records, pairs.paths.data(), pairs.margin.data(),
+                        pairs.with, out.level.data(), out.needs.data(), 0, kPairs);
+  return out;
+}
+
+/// classes.hpp's rules, one pair after the other.
+Found expected(const Pairs& pairs) {
+  Found out;
+  for (std::size_t p = 0; p < kPairs; ++p) {
+    const std::uint32_t i = pairs.i[p], j = pairs.j[p];
+    const NeedParameters& w = pairs.with;
+    const double gap = -pairs.overlap[p] - w.reach;
+    const double room = pairs.margin[i] + (w.both ? pairs.margin[j] : 0.0);
+    out.level[p] = gap > pairs.speed[p] * w.interval + room ? kSkipped : Level{0};
+    if (out.level[p] == kSkipped || gap > kAccelerating * std::max(pairs.rate[p], 0.0) * w.interval + w.soon) continue;
+    const core::Path none{};
+    const core::Path &a = pairs.paths[i], &b = w.both ? pairs.paths[j] : none;
+    const core::Normal& n = pairs.normal[p];
+    const double acceleration = (a.ax - b.ax) * n.x + (a.ay - b.ay) * n.y + (a.az - b.az) * n.z;
+    const double inverse_mass = a.inverse_mass + b.inverse_mass;
+    const PairMotion motion = motion_of(pairs.overlap[p], pairs.rate[p], acceleration, w.k * inverse_mass, w.speed2);
+    const NormalMatrix nn = NormalMatrix::of(n.x, n.y, n.z, inverse_mass * w.per_unit);
+    const auto add = [&](Need& need) {
+      for (int k = 0; k < 6; ++k) need.matrix[k] += nn.entry[k];
+      double& urgency4 = motion.is_impact ? need.impact4 : need.smooth4;
+      urgency4 = std::max(urgency4, motion.urgency4);
+    };
+    add(out.needs[i]);
+    if (w.both) add(out.needs[j]);
+  }
+  return out;
+}
+
+TEST(Needs, AreThoseOfThePairsOnEveryInstructionSet) {
+  for (const bool both : {true, false}) {
+    for (const double reach : {0.0, 1e-3}) {
+      Pairs pairs(both, reach);
+      const Found wanted = expected(pairs);
+      for (const core::Kernels* kernels : core::runnable_kernels()) {
+        EXPECT_TRUE(find(pairs, *kernels) == wanted) << kernels->name << ", both " << both << ", reach " << reach;
+      }
+      // The pairs are of all kinds.
+      const auto skipped = std::count(wanted.level.begin(), wanted.level.end(), kSkipped);
+      EXPECT_GT(skipped, 20);
+      EXPECT_LT(skipped, static_cast<std::ptrdiff_t>(kPairs) - 100);
+      const auto asking = [&](double Need::*urgency4) {
+        return std::count_if(wanted.needs.begin(), wanted.needs.end(), [&](const Need& need) { return need.*urgency4 > 0.0; });
+      };
+      EXPECT_GT(asking(&Need::smooth4), 5);
+      EXPECT_GT(asking(&Need::impact4), 5);
+    }
+  }
+}
+
+TEST(Needs, AShareOfThePairsLeavesTheOthersAlone) {
+  Pairs pairs(true);
+  const core::PairRecords records{pairs.overlap.data(), pairs.rate.data(), pairs.speed.data(), pairs.normal.data()};
+  Found whole = find(pairs, core::kernels()), parts;
+  for (const std::size_t cut : {std::size_t{0}, std::size_t{130}}) {
+    const std::size_t end = cut == 0 ? 130 : kPairs;
+    add_needs_on(core::kernels())({pairs.i.data(), pairs.j.data(), kPairs}, records, pairs.paths.data(), pairs.margin.data(),
+                                  pairs.with, parts.level.data(), parts.needs.data(), cut, end);
+    EXPECT_EQ(parts.level[130] == 77, cut == 0);
+  }
+  EXPECT_TRUE(parts == whole);
+}
+
+}  // namespace
+}  // namespace grainclock::multirate
