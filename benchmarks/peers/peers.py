@@ -37,8 +37,10 @@ class Plan:
 
 
 FINE_STEPS = (8e-5, 4e-5, 2e-5, 1e-5, 5e-6, 2.5e-6)
-FULL = Plan(800, 5, (0.005, 0.01, 0.02, 0.03, 0.045, 0.07), 400, 1e-5, {"LAMMPS": FINE_STEPS, "LIGGGHTS": FINE_STEPS, "YADE": FINE_STEPS[:3]})
-QUICK = Plan(2000, 2, (0.01, 0.03, 0.06), 1000, 1e-5, {"LAMMPS": FINE_STEPS[:5], "LIGGGHTS": FINE_STEPS[:5], "YADE": FINE_STEPS[:2]})
+FULL = Plan(800, 5, (0.005, 0.01, 0.02, 0.03, 0.045, 0.07), 400, 1e-5,
+            {"LAMMPS": FINE_STEPS, "LIGGGHTS": FINE_STEPS, "YADE": FINE_STEPS[:3]})
+QUICK = Plan(2000, 2, (0.01, 0.03, 0.06), 1000, 1e-5,
+             {"LAMMPS": FINE_STEPS[:5], "LIGGGHTS": FINE_STEPS[:5], "YADE": FINE_STEPS[:2]})
 
 
 def options():
@@ -136,7 +138,8 @@ def say(what):
 
 def versions():
     """Versions of the peers' packages."""
-    asked = subprocess.run(["dpkg-query", "-W", "-f=${Package} ${Version}, ", "lammps", "liggghts", "yade"], capture_output=True, text=True)
+    asked = subprocess.run(["dpkg-query", "-W", "-f=${Package} ${Version}, ", "lammps", "liggghts", "yade"],
+                           capture_output=True, text=True)
     return asked.stdout.rstrip(", ")
 
 

@@ -193,7 +193,8 @@ class Tables(unittest.TestCase):
         self.points = accuracy.measure([fake_point(h, e, t, *code) for code in
                                         (("grainclock", "default", "multirate"), ("grainclock", "generic", "multirate"), ("LAMMPS",))
                                         for h, e, t in ((2.0, 2e-3, 1.0), (1.0, 5e-4, 2.0))], judge(), 1)
-        self.speeds = [speed.Speed("flow", 1, "grainclock", "default", None, (6e7,)), speed.Speed("rest", 2, "grainclock", "default", None, (2e8,)),
+        self.speeds = [speed.Speed("flow", 1, "grainclock", "default", None, (6e7,)),
+                       speed.Speed("rest", 2, "grainclock", "default", None, (2e8,)),
                        speed.Speed("rest", 1, "grainclock", "default", None, (8e7, 9e7, 1e8)),
                        speed.Speed("rest", 1, "LAMMPS", "", 0.02, (6e6, 5e6, 7e6))]
 
