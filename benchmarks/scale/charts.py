@@ -124,6 +124,10 @@ def dress(axes, balls, title, label):
     axes.set_axisbelow(True)
 
 
+def legend_below(axes):
+    axes.legend(frameon=False, fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
+
+
 def column(rows, key):
     return [row[key] for row in rows]
 
@@ -141,7 +145,7 @@ def draw_speed(axes, rows):
         axes.plot(balls, column(of, "operation_limit"), color=colour, ls=":", lw=1.4, label=f"arithmetic's limit, {cores}")
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
-    axes.legend(frameon=False, fontsize=9)
+    legend_below(axes)
 
 
 def draw_memory(axes, rows):
@@ -154,7 +158,7 @@ def draw_memory(axes, rows):
     axes.axhline(600, color=MUTED, lw=1.2, ls=":")
     axes.annotate("target 600", (1, 600), xycoords=("axes fraction", "data"), ha="right", va="bottom", color=MUTED, fontsize=9)
     axes.set_ylim(bottom=0)
-    axes.legend(frameon=False, fontsize=9)
+    legend_below(axes)
 
 
 def draw_building(axes, rows):
@@ -162,17 +166,17 @@ def draw_building(axes, rows):
     multirate = [row for row in rows if row["method"] == "multirate"]
     for key, source, colour, label in (("read_s", of, SUMS, "reading the state"), ("list_s", of, MEMORY, "first pair list"),
                                        ("list_again_s", of, TWO, "pair list of sorted balls"),
-                                       ("make_s", of, ONE, "uniform stepper, list included"),
-                                       ("make_s", multirate, MULTIRATE, "multi-rate stepper, default step included")):
+                                       ("make_s", of, ONE, "uniform stepper, its list included"),
+                                       ("make_s", multirate, MULTIRATE, "multi-rate stepper, its step included")):
         axes.plot(column(source, "balls"), [1e6 * row[key] / row["balls"] for row in source], color=colour, marker="o", lw=1.8,
                   label=label)
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
-    axes.legend(frameon=False, fontsize=9)
+    legend_below(axes)
 
 
 def draw(rows, path):
-    figure = Figure(figsize=(15, 5.2), layout="constrained")
+    figure = Figure(figsize=(15, 5.6), layout="constrained")
     axes = figure.subplots(1, 3)
     balls = sorted({row["balls"] for row in rows})
     dress(axes[0], balls, "Speed, balls at rest", "million ball-steps per second")
