@@ -25,7 +25,7 @@ def draw_accuracy(points, costs, title, path):
     figure = Figure(figsize=(11, 6), layout="constrained")
     axes = figure.add_subplot()
     for label in dict.fromkeys(p.label() for p in points):
-        its = sorted((p for p in points if p.label() == label), key=lambda p: p.time())
+        its = sorted((p for p in points if p.label() == label), key=lambda p: -p.value)  # the coarsest first
         first = its[0]
         axes.loglog([p.time() for p in its], [p.errors.rms for p in its], linewidth=1.6, markersize=6.5,
                     label=None if first.kernels == GENERIC else first.method or first.code, **look(first))
