@@ -354,13 +354,18 @@ void sweep_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, IntVe
 /// Adds a force and its weighted impulse to both balls of a pair, or to the first alone.
 GC_INLINE void add_weighted(Int4* ball, const PairSpan& pairs, std::size_t pair, Int4 f, Int4 impulse, bool both) {
   Int4* i = ball + 2 * std::size_t{pairs.i[pair]};  // two per ball: force, impulse
+  Int4* j = ball + 2 * std::size_t{pairs.j[pair]};
+#if defined(__AVX512F__)
+  const Int sum = (Int)_mm512_inserti64x4(_mm512_castsi256_si512((__m256i)f), (__m256i)impulse, 1);
+  *reinterpret_cast<Int*>(i) += sum;
+  if (both) *reinterpret_cast<Int*>(j) -= sum;
+#else
   i[0] += f;
   i[1] += impulse;
-  if (both) {
-    Int4* j = ball + 2 * std::size_t{pairs.j[pair]};
-    j[0] -= f;
-    j[1] -= impulse;
-  }
+  if (!both) return;
+  j[0] -= f;
+  j[1] -= impulse;
+#endif
 }
 
 template <class T, bool kEvents>

@@ -18,12 +18,11 @@ std::size_t limit_levels(std::span<Level> level, const core::PairSpan& pairs, st
   for (bool changed = true; changed;) {
     changed = false;
     for (std::size_t p = 0; p < count; ++p) {
-      if (!is_active(p)) continue;
       Level& a = level[pairs.i[p]];
       Level& b = level[pairs.j[p]];
       Level& coarser = a > b ? a : b;
       const int allowed = (a > b ? b : a) + largest_difference;
-      if (coarser > allowed) {
+      if (coarser > allowed && is_active(p)) {  // the rarer condition first
         coarser = static_cast<Level>(allowed);
         ++demotions;
         changed = true;
