@@ -356,7 +356,7 @@ GC_INLINE void add_weighted(Int4* ball, const PairSpan& pairs, std::size_t pair,
   Int4* i = ball + 2 * std::size_t{pairs.i[pair]};  // two per ball: force, impulse
   Int4* j = ball + 2 * std::size_t{pairs.j[pair]};
 #if defined(__AVX512F__)
-  const Int sum = (Int)_mm512_inserti64x4(_mm512_castsi256_si512((__m256i)f), (__m256i)impulse, 1);
+  const Int sum = __builtin_shufflevector(f, impulse, 0, 1, 2, 3, 4, 5, 6, 7);
   *reinterpret_cast<Int*>(i) += sum;
   if (both) *reinterpret_cast<Int*>(j) -= sum;
 #else
