@@ -3,6 +3,7 @@
 
 #include "core/state.hpp"
 
+#include <algorithm>
 #include <vector>
 
 namespace grainclock::core {
@@ -17,7 +18,6 @@ class CubeGrid {
 
   std::size_t cubes() const { return static_cast<std::size_t>(size_[0]) * size_[1] * size_[2]; }
   const std::int32_t* size() const { return size_; }
-  double edge() const { return edge_; }
 
   /// Cube coordinate along an axis; a NaN goes to cube 0.
   std::int32_t coordinate(double x, int axis) const {
@@ -40,6 +40,27 @@ class CubeGrid {
     const std::int32_t z0 = coordinate(x[2] - margin, 2), z1 = coordinate(x[2] + margin, 2);
     for (std::int32_t z = z0; z <= z1; ++z) {
       for (std::int32_t y = y0; y <= y1; ++y) visit(index(x0, y, z), index(x1, y, z));
+    }
+  }
+  /// Calls visit(cube) for each cube that has a point within `distance` [m] of x.
+  template <class Visit>
+  void visit_cubes(const Vec3& x, double distance, Visit visit) const {
+    std::int32_t first[3], last[3];
+    for (int k = 0; k < 3; ++k) {
+      first[k] = coordinate(x[k] - distance, k);
+      last[k] = coordinate(x[k] + distance, k);
+    }
+    const auto square_of_gap = [&](int axis, std::int32_t cube) {
+      const double begin = low_[axis] + cube * edge_ - x[axis], gap = std::max({begin, -begin - edge_, 0.0});
+      return gap * gap;
+    };
+    for (std::int32_t c = first[2]; c <= last[2]; ++c) {
+      for (std::int32_t b = first[1]; b <= last[1]; ++b) {
+        const double gap2 = square_of_gap(2, c) + square_of_gap(1, b);
+        for (std::int32_t a = first[0]; a <= last[0]; ++a) {
+          if (gap2 + square_of_gap(0, a) <= distance * distance) visit(index(a, b, c));
+        }
+      }
     }
   }
 

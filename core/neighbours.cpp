@@ -14,7 +14,9 @@ constexpr double kWideShare = 0.01;      // of the balls, may have a sphere too 
 constexpr double kWorthWide = 1.1;       // unless it is larger by no more than this
 constexpr double kRounding = 1.0 + 1e-6;  // of cube edges, far above that of cube coordinates
 constexpr double kPairsAtFirst = 4.0;    // expected per ball
-constexpr double kFixedRoom = 1.1;       // so that somewhat faster content needs no new cubes for the fixed balls
+constexpr double kBuildWorth = 20.0;     // evaluations of pairs, per ball, that take as long as a build with all that follows it
+constexpr double kSurplus = 33.0;        // pairs per ball that a floor of one diameter would list in a packing, seen from small floors
+constexpr double kLeastFloor = 3e-4, kMostFloor = 0.06;  // diameters
 constexpr double kCubesAnyway = 4096.0;  // so many cubes may be, however few the balls
 constexpr double kMostCubes = 4.0;       // per ball: scattered balls (free fall, blow-up) must not cost memory
 
@@ -66,11 +68,14 @@ SkinRule SkinRule::for_diameter(double mean_diameter) {
 
 const std::vector<std::uint32_t>& NeighbourList::build(Balls& balls, const std::vector<std::uint8_t>& leaving) {
   ++builds_;
+  // Balls that leave say nothing of how long the skins would have lasted.
+  if (sweeps_ > 0 && leaving.empty()) adapt_skins(balls.mean_diameter);
+  sweeps_ = 0;
   shares_.resize(static_cast<std::size_t>(threads_));
   choose_cubes(balls);
   sort_content(balls, leaving);
   const double common_reach = common_ + 0.5 * reach_;
-  if (balls.fixed_count() > 0 && (fixed_.start.empty() || !fixed_.serves(common_reach))) fixed_.sort(balls, common_reach);
+  if (balls.fixed_count() > 0 && !fixed_.serves(common_reach)) fixed_.prepare(balls, common_reach);
   const std::size_t n = balls.content_count();
   skins_.resize(n);
   for (auto* values : {&x_, &y_, &z_, &sphere_}) values->resize(n + kLanes);
@@ -89,6 +94,15 @@ template <class Work>
 void NeighbourList::in_parallel(Work work) {
 #pragma omp parallel for num_threads(threads_) schedule(static, 1) if (threads_ > 1)
   for (int t = 0; t < threads_; ++t) work(t);
+}
+
+/// Makes floor and lifetime longer or shorter: a ball that speeds up uses up a floor in a time that goes with its root.
+void NeighbourList::adapt_skins(double diameter) {
+  const double surplus = kSurplus * rule_.floor / diameter * static_cast<double>(sweeps_);  // evaluations per ball
+  const double least = kLeastFloor * diameter, most = kMostFloor * diameter;
+  const double floor = std::clamp(rule_.floor * std::clamp(std::sqrt(kBuildWorth / surplus), 0.5, 2.0), least, most);
+  rule_.lifetime *= std::sqrt(floor / rule_.floor);
+  rule_.floor = floor;
 }
 
 /// A moving ball's reference lies half a lifetime ahead of it; its skin covers the way there and on.
@@ -221,55 +235,15 @@ void NeighbourList::find_ball_pairs(int thread) {
   merge(out, share.late);
 }
 
-/// Whether all that content with this reach [m] can meet is in the cube where it is, or in a neighbour.
-bool NeighbourList::FixedBalls::serves(double reach) const { return (reach + largest_radius) * kRounding <= grid.edge(); }
-
-void NeighbourList::FixedBalls::sort(const Balls& balls, double reach) {
-  Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;
-  for (std::size_t row = balls.first_fixed_row(); row < balls.rows.size(); ++row) {
-    low = low.cwiseMin(position(balls.rows[row]));
-    high = high.cwiseMax(position(balls.rows[row]));
-    largest_radius = std::max(largest_radius, balls.rows[row].r);
-  }
-  grid = CubeGrid(low, high, kFixedRoom * (reach + largest_radius), kMostCubes * static_cast<double>(balls.rows.size()) + kCubesAnyway);
-  const auto for_each_place = [&](auto use) {
-    for (std::uint32_t f = 0; f < balls.fixed_count(); ++f) {
-      const Vec3 x = position(balls.rows[balls.first_fixed_row() + f]);
-      grid.visit_lines(x, grid.edge() * kRounding, [&](std::size_t first, std::size_t last) {
-        for (std::size_t c = first; c <= last; ++c) use(f, c);
-      });
-    }
-  };
-  start.assign(grid.cubes() + 2, 0);  // see CubeSort::sort()
-  for_each_place([&](std::uint32_t, std::size_t cube) { ++start[cube + 2]; });
-  std::partial_sum(start.begin(), start.end(), start.begin());
-  ball.resize(start.back());
-  for_each_place([&](std::uint32_t f, std::size_t cube) { ball[start[cube + 1]++] = f; });
-}
-
 void NeighbourList::find_fixed_pairs(const Balls& balls, int thread) {
   PairList& out = thread == 0 ? fixed_pairs_ : shares_[static_cast<std::size_t>(thread)].fixed;
   out.clear();
-  if (balls.fixed_count() == 0) return;
-  const auto add_from = [&](std::uint32_t i, const Vec3& x, double reach, std::size_t cube) {
-    for (std::uint32_t k = fixed_.start[cube]; k < fixed_.start[cube + 1]; ++k) {
-      const std::uint32_t row = balls.first_fixed_row() + fixed_.ball[k];
-      const double range = reach + balls.rows[row].r;
-      if ((x - position(balls.rows[row])).squaredNorm() <= range * range) out.add(i, row);
-    }
-  };
   for (std::uint32_t i = first_row(thread); i < first_row(thread + 1); ++i) {
-    const Vec3 x(skins_[i].x, skins_[i].y, skins_[i].z);
     const double reach = sphere_[i] + 0.5 * reach_;
-    if (fixed_.serves(reach)) {
-      add_from(i, x, reach, fixed_.grid.index(x));
-      continue;
-    }
-    // A wide one looks into all cubes that it reaches, and finds most fixed balls more than once.
-    const auto before = static_cast<std::ptrdiff_t>(out.i.size());
-    fixed_.grid.visit_lines(x, (reach + fixed_.largest_radius) * kRounding, [&](std::size_t first, std::size_t last) {
-      for (std::size_t c = first; c <= last; ++c) add_from(i, x, reach, c);
-    });
+    const auto before = static_cast<std::ptrdiff_t>(out.j.size());
+    fixed_.find({skins_[i].x, skins_[i].y, skins_[i].z}, reach,
+                [&](std::uint32_t number) { out.add(i, balls.first_fixed_row() + number); });
+    if (fixed_.serves(reach)) continue;
     std::sort(out.j.begin() + before, out.j.end());
     out.j.erase(std::unique(out.j.begin() + before, out.j.end()), out.j.end());
     out.i.resize(out.j.size());

@@ -1,8 +1,7 @@
 // Which pairs may touch: fixed cubes (paper, section 3) with a skin per ball, and brute force beside it.
 #pragma once
 
-#include "core/balls.hpp"
-#include "core/cube_grid.hpp"
+#include "core/fixed_balls.hpp"
 #include "core/kernels.hpp"
 
 #include <utility>
@@ -23,8 +22,8 @@ struct PairList {
 /// How far ahead a list looks: skin = floor + (lifetime / 2 + ahead) |v| about x + v lifetime / 2. A ball that keeps its
 /// velocity uses up nothing but the lifetime. Never changes results, only how often a list is made.
 struct SkinRule {
-  double floor = 0.004;     // m, skin of a ball at rest; the default is for balls of 0.44 m
-  double lifetime = 0.012;  // s, for which a moving ball's skin should last
+  double floor = 0.004;     // m, skin of a ball at rest, to begin with; the default is for balls of 0.44 m
+  double lifetime = 0.012;  // s, for which a moving ball's skin should last, to begin with
   double ahead = 0.0;       // s, by which partners must be listed before they meet
   /// A default in proportion to the balls.
   static SkinRule for_diameter(double mean_diameter);
@@ -45,6 +44,10 @@ class NeighbourList {
   /// balls must be the same at every call.
   const std::vector<std::uint32_t>& build(Balls& balls, const std::vector<std::uint8_t>& leaving = {});
 
+  /// To be told of each evaluation of all listed pairs. By these counts the skins adapt from build to build, so
+  /// that builds take about as long as evaluating the pairs which only the skin lists; without them it stays.
+  void count_sweep() { ++sweeps_; }
+
   const PairList& ball_pairs() const { return ball_pairs_; }
   const PairList& fixed_pairs() const { return fixed_pairs_; }
   /// One reference per content row; a ball within sqrt(skin2) of it cannot meet an unlisted one.
@@ -59,15 +62,7 @@ class NeighbourList {
     std::vector<std::uint64_t> beyond;  // pairs of these, i 2^32 + j, in any order
     std::vector<std::uint64_t> late;    // pairs of its rows that any thread found so, sorted
   };
-  /// Which fixed balls are in each cube of a grid of their own, or in a neighbour of it. Made once.
-  struct FixedBalls {
-    CubeGrid grid;
-    std::vector<std::uint32_t> start, ball;  // ball[start[c]] .. ball[start[c + 1]], numbers of fixed balls, ascending
-    double largest_radius = 0.0;            // m
-    bool serves(double reach) const;
-    void sort(const Balls& balls, double reach);
-  };
-
+  void adapt_skins(double diameter);
   Vec3 reference(const BallRow& row) const;
   double skin(const BallRow& row) const;
   void choose_cubes(const Balls& balls);
@@ -90,7 +85,7 @@ class NeighbourList {
   const Kernels* kernels_ = nullptr;
   PairList ball_pairs_, fixed_pairs_;
   std::vector<SkinReference> skins_;
-  std::uint64_t builds_ = 0;
+  std::uint64_t builds_ = 0, sweeps_ = 0;  // sweeps since the last build
 
   CubeGrid grid_;
   double common_ = 0.0;  // m, largest sphere that the grid allows for

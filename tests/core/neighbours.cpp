@@ -299,6 +299,34 @@ TEST(NeighbourList, SkinOfAMovingBallLastsItsLifetime) {
   }
 }
 
+/// Skin [m] of a ball at rest after `builds` builds, each after so many sweeps.
+double floor_after(int builds, int sweeps, const std::vector<std::uint8_t>& leaving = {}) {
+  Balls balls = balls_of(fcc(3, 0.22));
+  NeighbourList list(0.0, kDefault, 1);
+  list.build(balls);
+  for (int build = 0; build < builds; ++build) {
+    for (int sweep = 0; sweep < sweeps; ++sweep) list.count_sweep();
+    list.build(balls, leaving);
+  }
+  return std::sqrt(list.skins()[0].skin2);
+}
+
+TEST(NeighbourList, SkinsAdaptToWhatBuildsCost) {
+  constexpr double kRoot = 1e-15;  // rounding of the square and its root
+  EXPECT_NEAR(floor_after(5, 0), kDefault.floor, kRoot);  // nobody counts
+  const double often = floor_after(50, 20), seldom = floor_after(50, 1000);
+  EXPECT_GT(often, kDefault.floor);
+  EXPECT_LT(seldom, kDefault.floor);
+  // Settled: sweeps times floor is the same for both, to the last bits of a root taken over and over.
+  EXPECT_NEAR(20 * often, 1000 * seldom, 1e-12);
+  // However seldom or often, a skin stays between rounding and a radius.
+  EXPECT_GT(floor_after(50, 1000000), 1e-5);
+  EXPECT_LT(floor_after(50, 1), 0.22 / 4.0);
+  // Builds because of balls that leave come early whatever the skin.
+  const std::vector<std::uint8_t> stays(72, 0);
+  EXPECT_NEAR(floor_after(5, 3, stays), kDefault.floor, kRoot);
+}
+
 TEST(BruteForcePairs, CountALattice) {
   // 3 x 3 x 3 touching balls, simple cubic: 54 bonds.
   State state;
