@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <iterator>
 
 namespace grainclock::scale {
@@ -55,10 +56,10 @@ void push_apart(core::State& state, const core::Materials& materials, double gra
 
   const std::uint32_t n = balls.content_count();
   std::vector<core::IntVec> sums(n + std::size_t{1});
-  std::vector<Eigen::Vector3f> move(n, Eigen::Vector3f::Zero());
+  std::vector<std::array<float, 3>> move(n);  // m, of the last round
   bool worn = true;
   for (int round = 0; round < rounds; ++round) {
-    if (worn) core::reorder_like(move, list.build(balls));
+    if (worn) core::reorder_like(move, list.build(balls), balls.spare);
     core::SweepTotals totals;
     core::kernels().sweep(balls.rows.data(), list.ball_pairs().span(), ball_law, sums.data(), totals, nullptr);
     core::kernels().sweep(balls.rows.data(), list.fixed_pairs().span(), fixed_law, sums.data(), totals, nullptr);
@@ -70,9 +71,9 @@ void push_apart(core::State& state, const core::Materials& materials, double gra
       core::Vec3 force(static_cast<double>(sum.v[0]), static_cast<double>(sum.v[1]), static_cast<double>(sum.v[2]));
       force *= scale.unit;
       force.z() -= gravity / balls.inverse_mass[i];
-      core::Vec3 by = kMomentum * move[i].cast<double>() + share * force;
+      core::Vec3 by = kMomentum * Eigen::Map<const Eigen::Vector3f>(move[i].data()).cast<double>() + share * force;
       by *= std::min(1.0, kFarthest / std::max(kFarthest, by.norm()));
-      move[i] = by.cast<float>();
+      Eigen::Map<Eigen::Vector3f>(move[i].data()) = by.cast<float>();
       row.x += by.x();
       row.y += by.y();
       row.z += by.z();
