@@ -92,10 +92,10 @@ void BallStepper::load_synchronised(const State& state) {
 }
 
 void BallStepper::build_list(const std::vector<std::uint8_t>& leaving) {
-  const std::vector<std::uint32_t> order = list_.build(balls_, leaving);
-  reorder_like(impacted_, order);
+  const std::vector<std::uint32_t>& order = list_.build(balls_, leaving);
+  reorder_like(impacted_, order, balls_.spare, setup_.threads);
   if (!evaluated_.empty()) {
-    reorder_like(evaluated_, order);
+    reorder_like(evaluated_, order, balls_.spare, setup_.threads);
     evaluated_.insert(evaluated_.end(), balls_.rows.begin() + balls_.far_row(), balls_.rows.end());
   }
   follow_order(order);

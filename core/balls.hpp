@@ -68,11 +68,6 @@ void reorder_like(std::vector<Value>& values, std::span<const std::uint32_t> ord
   reorder_values(values.data(), order, spare, threads);
   values.resize(order.size());
 }
-template <class Value>
-void reorder_like(std::vector<Value>& values, std::span<const std::uint32_t> order) {
-  std::vector<std::byte> spare;
-  reorder_like(values, order, spare);
-}
 
 inline Vec3 position(const BallRow& row) { return {row.x, row.y, row.z}; }
 inline Vec3 velocity(const BallRow& row) { return {row.vx, row.vy, row.vz}; }

@@ -89,7 +89,7 @@ class UniformStepper final : public BallStepper {
 
  private:
   void follow_order(std::span<const std::uint32_t> order) override {
-    reorder_like(opening_, order);
+    reorder_like(opening_, order, balls_.spare, threads_);
     sums_.assign(static_cast<std::size_t>(threads_) * stride(), IntVec{});
     cut_shares(list_.ball_pairs(), list_.fixed_pairs(), balls_.content_count(), shares_);
   }
@@ -201,6 +201,7 @@ class UniformStepper final : public BallStepper {
   }
 
   void add_up_totals() {
+    list_.count_sweep();
     ball_totals_ = fixed_totals_ = {};
     for (const Work& work : work_) {
       ball_totals_ += work.ball;

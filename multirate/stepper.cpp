@@ -349,6 +349,7 @@ class MultirateStepper final : public core::BallStepper {
   /// see(fixed, candidates) for what may have changed branch. Returns the totals, weighted.
   template <class See>
   Opened record(const std::vector<BallRow>& rows, bool summing, See see) {
+    list_.count_sweep();
     Opened total{{}, {}, 0.5 * ladder_.tick()};
     if (summing) parts_ = threads_;
     for (const bool fixed : {false, true}) {
@@ -650,9 +651,9 @@ class MultirateStepper final : public core::BallStepper {
   // ---- housekeeping ----
 
   void follow_order(std::span<const std::uint32_t> order) override {
-    core::reorder_like(paths_, order);
-    core::reorder_like(balance_, order);
-    core::reorder_like(level_, order);
+    core::reorder_like(paths_, order, balls_.spare, threads_);
+    core::reorder_like(balance_, order, balls_.spare, threads_);
+    core::reorder_like(level_, order, balls_.spare, threads_);
     expected_.resize(order.size());
     margin_.resize(order.size());
     urgency_.resize(order.size());
