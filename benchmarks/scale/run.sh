@@ -81,8 +81,8 @@ for size in $sizes; do
 done
 
 # Copies of as many bytes as a step of the uniform stepper touches (about 330 a ball); on two cores half of them on each.
+# Taken before and after the timings. Rows: threads,balls,method and MiB copied per second, each both read and written.
 measure_bandwidth() {
-  echo "threads,balls,method,rate"  # rate: MiB copied per second, each both read and written
   for balls in $counts; do
     for n in $threads; do
       mib=$((balls * 330 / 2 / 1048576 / n + 1))
@@ -98,12 +98,15 @@ measure_bandwidth() {
 
 step "What the machine allows"
 $bin/scale_measure limits --threads $threads >"$out/limits.csv"
-measure_bandwidth >"$out/bandwidth.csv"
+echo "threads,balls,method,rate" >"$out/bandwidth.csv"
+measure_bandwidth >>"$out/bandwidth.csv"
 
 step "Speed, uniform"
 $bin/scale_measure speed $states --method uniform --threads $threads >"$out/speed-uniform.csv"
 step "Speed, multi-rate"
 $bin/scale_measure speed $states --method multirate --threads 1 >"$out/speed-multirate.csv"
+
+measure_bandwidth >>"$out/bandwidth.csv"
 
 step "Memory and time to build"
 $bin/scale_measure load $states >"$out/load.csv"
