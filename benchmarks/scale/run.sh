@@ -87,7 +87,7 @@ measure_bandwidth() {
     for n in $threads; do
       mib=$((balls * 330 / 2 / 1048576 / n + 1))
       for core in $(seq "$n"); do
-        mbw -q -a -n $((3000 / mib + 5)) -t0 "$mib" >"$out/mbw.$core.0" && mbw -q -a -n $((3000 / mib + 5)) -t1 "$mib" >"$out/mbw.$core.1" &
+        mbw -q -a -n $((500 / mib + 5)) -t0 "$mib" >"$out/mbw.$core.0" && mbw -q -a -n $((500 / mib + 5)) -t1 "$mib" >"$out/mbw.$core.1" &
       done
       wait
       cat "$out"/mbw.*.? | awk -v n="$n" -v balls="$balls" '/Method:/ {print n "," balls "," $3 "," $(NF - 1)}'
