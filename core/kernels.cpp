@@ -490,7 +490,7 @@ void reweigh(const BallRow* rows, PairSpan pairs, const SweepLaw& law, const std
 
 /// Closes the step that ends (velocity from the new force sum) and opens the next one (position and
 /// velocity for the next evaluation). Both halves do the same operations alone or together.
-template <bool kLagged, bool kClose, bool kOpen>
+template <bool kLagged, bool kClose, bool kOpen, bool kBound>
 AdvanceReport advance_rows(BallRow* rows, IntVec* sums_in, std::size_t stride, int parts, IntVec* opening_in,
                            const double* inverse_mass, const SkinReference* skins, const AdvanceParameters& p,
                            std::size_t begin, std::size_t end) {
@@ -538,7 +538,7 @@ AdvanceReport advance_rows(BallRow* rows, IntVec* sums_in, std::size_t stride, i
       outside |= ~((x >= lower) & (x <= upper));
       row[0] = x;
     }
-    v[3] = three_sum(magnitude4(a));
+    if constexpr (kBound) v[3] = three_sum(magnitude4(a));
     row[1] = v;
   }
   AdvanceReport report;
@@ -547,18 +547,22 @@ AdvanceReport advance_rows(BallRow* rows, IntVec* sums_in, std::size_t stride, i
   return report;
 }
 
+template <bool kLagged, bool kBound>
+AdvanceReport advance_halves(Advance what, BallRow* rows, IntVec* sums, std::size_t stride, int parts, IntVec* opening,
+                             const double* inverse_mass, const SkinReference* skins, const AdvanceParameters& p,
+                             std::size_t begin, std::size_t end) {
+  const auto rows_of = what == Advance::open    ? advance_rows<kLagged, false, true, kBound>
+                       : what == Advance::close ? advance_rows<kLagged, true, false, kBound>
+                                                : advance_rows<kLagged, true, true, kBound>;
+  return rows_of(rows, sums, stride, parts, opening, inverse_mass, skins, p, begin, end);
+}
+
 template <bool kLagged>
 AdvanceReport advance(Advance what, BallRow* rows, IntVec* sums, std::size_t stride, int parts, IntVec* opening,
                       const double* inverse_mass, const SkinReference* skins, const AdvanceParameters& p,
                       std::size_t begin, std::size_t end) {
-  switch (what) {
-    case Advance::open:
-      return advance_rows<kLagged, false, true>(rows, sums, stride, parts, opening, inverse_mass, skins, p, begin, end);
-    case Advance::close:
-      return advance_rows<kLagged, true, false>(rows, sums, stride, parts, opening, inverse_mass, skins, p, begin, end);
-    default:
-      return advance_rows<kLagged, true, true>(rows, sums, stride, parts, opening, inverse_mass, skins, p, begin, end);
-  }
+  const auto halves = p.bound ? advance_halves<kLagged, true> : advance_halves<kLagged, false>;
+  return halves(what, rows, sums, stride, parts, opening, inverse_mass, skins, p, begin, end);
 }
 
 /// Along its parabola by h [s]; the fourth lane of the second half, the bound on the acceleration, stays.

@@ -64,6 +64,7 @@ struct AdvanceParameters {
   double unit = 0.0;   // N
   double step = 0.0;   // s
   double lower[3], upper[3];  // m, content outside is reported; the outlet is the lower end in z
+  bool bound = true;   // keep BallRow::a, which only the search for events needs
 };
 /// What an advance saw.
 struct AdvanceReport {

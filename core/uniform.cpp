@@ -19,7 +19,7 @@ namespace grainclock::core {
 
 namespace {
 
-constexpr std::uint32_t kRowsAtOnce = 256;  // swept, then moved while they are in the cache
+constexpr std::uint32_t kRowsAtOnce = 1024;  // swept, then moved while they are in the cache
 
 class UniformStepper final : public BallStepper {
  public:
@@ -38,6 +38,7 @@ class UniformStepper final : public BallStepper {
                "stepping.dashpot = \"{}\" is not offered by this version; use \"explicit\"", name(setup.stepping.dashpot));
     GC_REQUIRE(!events_ || scheme_ == Integrator::predicted,
                "stepping.events = true goes with integrator = \"predicted\", not \"{}\"; set events = false", name(scheme_));
+    advance_.bound = events_;
     opening_.resize(balls_.content_count());
     begin();
     costs_ = setup.costs;  // making a stepper costs nothing that a run would count

@@ -55,7 +55,8 @@ void expect_safe(const PairList& ball, const PairList& fixed, int threads) {
     const auto touches = [&](std::uint32_t touched) {
       EXPECT_GE(touched, shares[of].begin);
       for (std::size_t t = 0; t < shares.size(); ++t) {
-        if (t != of) EXPECT_FALSE(touched >= shares[t].own && touched < shares[t].end) << "row " << touched << ", share " << of;
+        const bool is_anothers = t != of && touched >= shares[t].own && touched < shares[t].end;
+        EXPECT_FALSE(is_anothers) << "row " << touched << ", share " << of;
       }
     };
     for (std::size_t p = shares[of].ball.begin; p < std::min(shares[of].ball.end, ball.count); ++p) {
