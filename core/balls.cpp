@@ -48,11 +48,22 @@ BallId Balls::id_of(std::uint32_t row) const {
 }
 
 void Balls::reorder(std::span<const std::uint32_t> order, int threads) {
-  const auto others = rows.begin() + content_count();
-  reorder_values(rows.data(), order, spare, threads);
-  rows.erase(rows.begin() + static_cast<std::ptrdiff_t>(order.size()), others);
+  const std::uint32_t far = far_row();
+  reorder_like(rows, order, spare, threads);
+  rows.insert(rows.end(), spare.begin() + far, spare.end());
   reorder_like(inverse_mass, order, spare, threads);
   reorder_like(id, order, spare, threads);
+}
+
+void reorder_like(std::vector<BallRow>& rows, std::span<const std::uint32_t> order, std::vector<BallRow>& spare, int threads) {
+  const std::size_t n = order.size();
+  spare.reserve(rows.size());  // else it might double
+  spare.resize(std::max(spare.size(), rows.size()));
+  BallRow* to = spare.data();
+#pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1)
+  for (std::size_t i = 0; i < n; ++i) to[i] = rows[order[i]];
+  rows.swap(spare);
+  rows.resize(n);
 }
 
 }  // namespace grainclock::core

@@ -41,33 +41,30 @@ class Balls {
   std::vector<Kind> fixed_kind;
   double largest_radius = 0.0;       // m, of all balls
   double mean_diameter = 0.0;        // m, of the content
-  std::vector<std::byte> spare;      // see reorder_values(); also for arrays that others keep beside the rows
+  std::vector<BallRow> spare;        // see reorder_like(); also for arrays that others keep beside the rows
 };
 
-/// `values[i] = old values[order[i]]` for i below order.size(). `spare` is memory for it, kept from call to call so that
-/// reordering does not allocate; arrays of any types may share it.
+/// `values[i] = old values[order[i]]`, for arrays that others keep beside the rows. `spare` is memory for it, kept from call
+/// to call so that reordering does not allocate.
 template <class Value>
-void reorder_values(Value* values, std::span<const std::uint32_t> order, std::vector<std::byte>& spare, int threads) {
+void reorder_like(std::vector<Value>& values, std::span<const std::uint32_t> order, std::vector<BallRow>& spare,
+                  int threads = 1) {
   static_assert(std::is_trivially_copyable_v<Value>);
   const std::size_t n = order.size();
-  if (spare.size() < n * sizeof(Value)) spare = std::vector<std::byte>(n * sizeof(Value));
-  std::byte* moved = spare.data();
+  if (spare.size() * sizeof(BallRow) < n * sizeof(Value)) spare.resize(n * sizeof(Value) / sizeof(BallRow) + 1);
+  std::byte* moved = reinterpret_cast<std::byte*>(spare.data());
+  Value* to = values.data();
 #pragma omp parallel num_threads(threads) if (threads > 1)
   {
 #pragma omp for schedule(static)
-    for (std::size_t i = 0; i < n; ++i) std::memcpy(moved + i * sizeof(Value), values + order[i], sizeof(Value));
+    for (std::size_t i = 0; i < n; ++i) std::memcpy(moved + i * sizeof(Value), to + order[i], sizeof(Value));
 #pragma omp for schedule(static)
-    for (std::size_t i = 0; i < n; ++i) std::memcpy(values + i, moved + i * sizeof(Value), sizeof(Value));
+    for (std::size_t i = 0; i < n; ++i) std::memcpy(to + i, moved + i * sizeof(Value), sizeof(Value));
   }
+  values.resize(n);
 }
-
-/// The same for an array that others keep beside the rows, which takes the length of `order`.
-template <class Value>
-void reorder_like(std::vector<Value>& values, std::span<const std::uint32_t> order, std::vector<std::byte>& spare,
-                  int threads = 1) {
-  reorder_values(values.data(), order, spare, threads);
-  values.resize(order.size());
-}
+/// Rows change places with the spare ones: half the way.
+void reorder_like(std::vector<BallRow>& rows, std::span<const std::uint32_t> order, std::vector<BallRow>& spare, int threads = 1);
 
 inline Vec3 position(const BallRow& row) { return {row.x, row.y, row.z}; }
 inline Vec3 velocity(const BallRow& row) { return {row.vx, row.vy, row.vz}; }

@@ -13,8 +13,8 @@ class FixedBalls {
   /// Whether content of this reach finds all that it can meet at one place.
   bool serves(double reach) const { return (reach + largest_radius_) * kRounding <= range_; }
 
-  /// Calls use(number) for every fixed ball whose surface is within `reach` [m] of x, in ascending order. If `reach` is not
-  /// served, in any order and maybe more than once.
+  /// Calls use(number, is_within) for fixed balls, and for all whose surface is within `reach` [m] of x, in ascending order.
+  /// If `reach` is not served, in any order and maybe more than once.
   template <class Use>
   void find(const Vec3& x, double reach, Use use) const;
 
@@ -35,10 +35,12 @@ class FixedBalls {
 
 template <class Use>
 void FixedBalls::find_at(std::size_t cube, const Vec3& x, double reach, Use use) const {
-  for (std::uint32_t k = start_[cube]; k < start_[cube + 1]; ++k) {
-    const Ball& b = ball_[near_[k]];
-    const double dx = x.x() - b.x, dy = x.y() - b.y, dz = x.z() - b.z, range = reach + b.r;
-    if (dx * dx + dy * dy + dz * dz <= range * range) use(near_[k]);
+  const double at[3] = {x.x(), x.y(), x.z()};
+  const std::uint32_t* const end = near_.data() + start_[cube + 1];
+  for (const std::uint32_t* number = near_.data() + start_[cube]; number < end; ++number) {
+    const Ball& b = ball_[*number];
+    const double dx = at[0] - b.x, dy = at[1] - b.y, dz = at[2] - b.z, range = reach + b.r;
+    use(*number, dx * dx + dy * dy + dz * dz <= range * range);
   }
 }
 

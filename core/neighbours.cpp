@@ -13,7 +13,7 @@ constexpr std::size_t kSample = 1024;    // balls that speak for all when cubes 
 constexpr double kWideShare = 0.01;      // of the balls, may have a sphere too large for the cubes
 constexpr double kWorthWide = 1.1;       // unless it is larger by no more than this
 constexpr double kRounding = 1.0 + 1e-6;  // of cube edges, far above that of cube coordinates
-constexpr double kPairsAtFirst = 4.0;    // expected per ball
+constexpr double kPairsAtFirst = 3.5;    // expected per ball
 constexpr double kBuildWorth = 20.0;     // evaluations of pairs, per ball, that take as long as a build with all that follows it
 constexpr double kSurplus = 33.0;        // pairs per ball that a floor of one diameter would list in a packing, seen from small floors
 constexpr double kLeastFloor = 3e-4, kMostFloor = 0.06;  // diameters
@@ -237,36 +237,43 @@ void NeighbourList::find_ball_pairs(int thread) {
 
 void NeighbourList::find_fixed_pairs(const Balls& balls, int thread) {
   PairList& out = thread == 0 ? fixed_pairs_ : shares_[static_cast<std::size_t>(thread)].fixed;
-  out.clear();
-  for (std::uint32_t i = first_row(thread); i < first_row(thread + 1); ++i) {
+  make_room(out, 0);
+  std::size_t n = 0;
+  for (std::uint32_t i = first_row(thread), end = first_row(thread + 1); i < end; ++i) {
     const double reach = sphere_[i] + 0.5 * reach_;
-    const auto before = static_cast<std::ptrdiff_t>(out.j.size());
-    fixed_.find({skins_[i].x, skins_[i].y, skins_[i].z}, reach,
-                [&](std::uint32_t number) { out.add(i, balls.first_fixed_row() + number); });
+    const std::size_t before = n;
+    // Without a branch: whether a candidate is within reach cannot be foretold.
+    fixed_.find({skins_[i].x, skins_[i].y, skins_[i].z}, reach, [&](std::uint32_t number, bool is_within) {
+      if (n == out.i.size()) make_room(out, n + n / 4 + kLanes);
+      out.i[n] = i;
+      out.j[n] = balls.first_fixed_row() + number;
+      n += is_within ? 1 : 0;
+    });
     if (fixed_.serves(reach)) continue;
-    std::sort(out.j.begin() + before, out.j.end());
-    out.j.erase(std::unique(out.j.begin() + before, out.j.end()), out.j.end());
-    out.i.resize(out.j.size());
+    const auto first = out.j.begin() + static_cast<std::ptrdiff_t>(before), last = out.j.begin() + static_cast<std::ptrdiff_t>(n);
+    std::sort(first, last);
+    n = before + static_cast<std::size_t>(std::unique(first, last) - first);
   }
-  out.count = out.i.size();
+  out.count = n;
 }
 
 /// Puts the other threads' shares behind the first one's.
 void NeighbourList::join(PairList& list, PairList Share::*part, std::uint32_t far) {
-  const auto end_of = [&](int thread) {
-    std::size_t end = list.count;
-    for (int t = 1; t <= thread; ++t) end += (shares_[static_cast<std::size_t>(t)].*part).count;
-    return end;
-  };
-  const std::size_t total = end_of(threads_ - 1);
+  std::size_t total = list.count;
+  for (std::size_t t = 1; t < shares_.size(); ++t) total += (shares_[t].*part).count;
   make_room(list, total + kLanes);
-  in_parallel([&](int t) {
-    if (t == 0) return;
-    const PairList& from = shares_[static_cast<std::size_t>(t)].*part;
-    const auto n = static_cast<std::ptrdiff_t>(from.count), to = static_cast<std::ptrdiff_t>(end_of(t - 1));
-    std::copy_n(from.i.begin(), n, list.i.begin() + to);
-    std::copy_n(from.j.begin(), n, list.j.begin() + to);
-  });
+  if (threads_ > 1) {
+    in_parallel([&](int t) {
+      auto to = static_cast<std::ptrdiff_t>(list.count);
+      for (std::size_t s = 1; s < shares_.size(); ++s) {
+        const PairList& from = shares_[s].*part;
+        const auto n = static_cast<std::ptrdiff_t>(from.count), begin = n * t / threads_, end = n * (t + 1) / threads_;
+        std::copy(from.i.begin() + begin, from.i.begin() + end, list.i.begin() + to + begin);
+        std::copy(from.j.begin() + begin, from.j.begin() + end, list.j.begin() + to + begin);
+        to += n;
+      }
+    });
+  }
   list.i.resize(total);
   list.j.resize(total);
   list.finish(far);

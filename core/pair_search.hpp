@@ -31,6 +31,9 @@ GC_INLINE void append_pairs(unsigned bits, std::uint32_t i, std::uint32_t j, Pai
 #endif
 }
 
+/// The lowest `n` bits, all if n is kWidth or more.
+GC_INLINE unsigned low_bits(std::uint32_t n) { return (1U << (n < kWidth ? n : kWidth)) - 1; }
+
 void find_pairs(const CubedSpheres& spheres, PairSearch& search) {
   const CubedSpheres s = spheres;
   const std::size_t nx = static_cast<std::size_t>(s.size[0]), ny = static_cast<std::size_t>(s.size[1]);
@@ -43,24 +46,18 @@ void find_pairs(const CubedSpheres& spheres, PairSearch& search) {
     // Partners that come later: along x the cubes of a line are one run of spheres; the lines behind and above follow.
     struct Run {
       std::uint32_t begin, end;
-    } run[5];
-    std::size_t candidates = 0;
-    int runs = 0;
-    const auto add_run = [&](std::size_t middle, bool whole) __attribute__((always_inline)) {
-      const std::uint32_t begin = s.start[whole && x > 0 ? middle - 1 : middle];
-      const std::uint32_t end = s.start[(x + 1 < nx ? middle + 1 : middle) + 1];
-      run[runs] = {begin, end};
-      runs += begin < end ? 1 : 0;
-      candidates += end - begin;
     };
-    add_run(out.cube, false);
-    if (y + 1 < ny) add_run(out.cube + nx, true);
-    if (z + 1 < nz) {
-      const std::size_t above = out.cube + nx * ny;
-      if (y > 0) add_run(above - nx, true);
-      add_run(above, true);
-      if (y + 1 < ny) add_run(above + nx, true);
-    }
+    const std::size_t before = x > 0 ? 1 : 0, behind = x + 1 < nx ? 1 : 0;
+    const auto run = [&](bool exists, std::size_t middle) GC_INLINE_LAMBDA {
+      return exists ? Run{s.start[middle - before], s.start[middle + behind + 1]} : Run{};
+    };
+    const std::size_t above = out.cube + nx * ny;
+    const bool has_above = z + 1 < nz, has_back = y + 1 < ny;
+    const Run later[4] = {run(has_back, out.cube + nx), run(has_above && y > 0, above - nx), run(has_above, above),
+                          run(has_above && has_back, above + nx)};
+    const std::uint32_t end_own = s.start[out.cube + behind + 1];
+    std::size_t candidates = end_own - out.row;
+    for (const Run& r : later) candidates += r.end - r.begin;
     for (; out.row < end_row; ++out.row) {
       const std::uint32_t i = out.row;
       out.wanted = out.n + candidates + kWidth;
@@ -69,14 +66,15 @@ void find_pairs(const CubedSpheres& spheres, PairSearch& search) {
         return;
       }
       const double at_x = s.x[i], at_y = s.y[i], at_z = s.z[i], reach = s.reach[i];
-      run[0].begin = i + 1;
-      for (int r = 0; r < runs; ++r) {
-        for (std::uint32_t j = run[r].begin; j < run[r].end; j += kWidth) {
-          const std::uint32_t left = run[r].end - j;
-          const unsigned lanes = left < kWidth ? (1U << left) - 1 : ~0U;
-          append_pairs(partner_bits(s, at_x, at_y, at_z, reach, j) & lanes, i, j, out);
+      // The first vector of a run is mostly all of it.
+      const auto find_in = [&](Run r) GC_INLINE_LAMBDA {
+        append_pairs(partner_bits(s, at_x, at_y, at_z, reach, r.begin) & low_bits(r.end - r.begin), i, r.begin, out);
+        for (std::uint32_t j = r.begin + kWidth; j < r.end; j += kWidth) {
+          append_pairs(partner_bits(s, at_x, at_y, at_z, reach, j) & low_bits(r.end - j), i, j, out);
         }
-      }
+      };
+      find_in({i + 1, end_own});
+      for (int r = 0; r < 4; ++r) find_in(later[r]);
     }
   }
   search = out;

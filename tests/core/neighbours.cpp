@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <functional>
 #include <numbers>
 #include <set>
@@ -325,6 +326,29 @@ TEST(NeighbourList, SkinsAdaptToWhatBuildsCost) {
   // Builds because of balls that leave come early whatever the skin.
   const std::vector<std::uint8_t> stays(72, 0);
   EXPECT_NEAR(floor_after(5, 3, stays), kDefault.floor, kRoot);
+}
+
+/// Seconds of the fastest of a few builds, per ball, of a lattice of cells^3 by four balls with a few very fast ones.
+double build_seconds(int cells) {
+  State state = fcc(cells, 0.22);
+  for (std::size_t i = 0; i < state.size(); i += 150) {
+    if (state.kind[i] == Kind::content) state.velocity[i] = {0.0, 0.0, -20.0};
+  }
+  Balls balls = balls_of(state);
+  NeighbourList list(0.0, kDefault, 1);
+  double best = 1e9;
+  for (int k = 0; k < 5; ++k) {
+    const auto begin = std::chrono::steady_clock::now();
+    list.build(balls);
+    best = std::min(best, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+  }
+  return best / balls.content_count();
+}
+
+TEST(SlowNeighbourList, TimeGoesWithTheNumberOfBalls) {
+  // 16 times as many balls, 210 thousand. What leaves the caches costs up to twice as much per ball; anything that grows with
+  // the square, such as a search among all fast balls, costs up to 16 times.
+  EXPECT_LT(build_seconds(38), 5.0 * build_seconds(15));
 }
 
 TEST(BruteForcePairs, CountALattice) {
