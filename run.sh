@@ -13,7 +13,7 @@ usage() { sed -n '2,8s/^# \{0,1\}//p' "$0"; }
 fail() { echo "run.sh: $*; try --help" >&2; exit 2; }
 
 # Threads that wait for each other give way soon, so that a busy machine slows a run down by no more than its share.
-export GOMP_SPINCOUNT="${GOMP_SPINCOUNT:-2000}"
+export GOMP_SPINCOUNT="${GOMP_SPINCOUNT:-20000}"
 
 small="pair chain pile mini" others="printed stability mini-statistics table1-crosscheck" main=table1-flow
 seeds=1 threads=$(nproc) out=""

@@ -60,6 +60,11 @@ class EventBook {
     }
   }
   const std::vector<Entry>& entries() const { return entries_; }
+  /// Takes over the entries of another book of the same units.
+  void take(EventBook& other) {
+    entries_.insert(entries_.end(), other.entries_.begin(), other.entries_.end());
+    other.clear();
+  }
 
   double impulse_unit() const { return scale_.unit * half_tick_; }                    // N s
   double displacement_unit() const { return scale_.unit * half_tick_ * half_tick_; }  // N s2

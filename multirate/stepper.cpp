@@ -20,9 +20,11 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 namespace grainclock::multirate {
 
@@ -37,7 +39,7 @@ using core::Vec3;
 constexpr double kMargin = 2.4e-3; // mean diameters that a ball may stray from its straight path between renewals
 constexpr double kAhead = 1.1 * kAccelerating;  // intervals between renewals that lists look ahead
 constexpr double kSoon = 2.5e-4;   // mean diameters: gaps below it count as about to close
-constexpr std::size_t kWorthThreads = 4096;  // pairs or balls
+constexpr std::size_t kWorthThreads = 1024;  // pairs or balls
 // Speeds below these shares of sqrt(g d) and of omega d need not be resolved relative to themselves.
 constexpr double kQuiet = 0.05, kStill = 1e-6;
 constexpr int kMostCoarseSteps = 6;     // between regular renewals
@@ -77,6 +79,16 @@ struct ChangedPairs {
   }
 };
 
+using LevelCount = std::array<std::size_t, kMostLevels>;
+
+/// Lowers a level that several threads may lower at once.
+void lower(Level& level, Level to) {
+  std::atomic_ref<Level> shared(level);
+  Level now = shared.load(std::memory_order_relaxed);
+  while (to < now && !shared.compare_exchange_weak(now, to, std::memory_order_relaxed)) {
+  }
+}
+
 /// Of pairs with balls and with fixed balls.
 struct Needs {
   std::vector<Need> of[2];
@@ -105,7 +117,7 @@ class MultirateStepper final : public core::BallStepper {
         renew_every_(renew_every(setup.materials, length_scale_, step_)),
         interval_(renew_every_ * step_),
         events_(setup.stepping.events),
-        event_book_(scale_, 0.5 * ladder_.tick()),
+        event_books_(static_cast<std::size_t>(std::max(1, setup.threads)), core::EventBook(scale_, 0.5 * ladder_.tick())),
         threads_(std::max(1, setup.threads)),
         advance_(advance_parameters()),
         add_needs_(add_needs_on(*setup.kernels)),
@@ -113,6 +125,8 @@ class MultirateStepper final : public core::BallStepper {
         totals_(static_cast<std::size_t>(threads_)),
         found_(static_cast<std::size_t>(threads_)),
         needs_(static_cast<std::size_t>(threads_)),
+        beyond_(static_cast<std::size_t>(threads_)),
+        level_pairs_(static_cast<std::size_t>(threads_)),
         batches_(static_cast<std::size_t>(ladder_.levels())),
         drifting_(static_cast<std::size_t>(ladder_.levels())),
         balls_at_(static_cast<std::size_t>(ladder_.levels())),
@@ -233,36 +247,38 @@ class MultirateStepper final : public core::BallStepper {
       core::Candidates candidates = found.room_for(span.n);
       kernel.sweep_weighted(balls_.rows.data(), span, law, level, sums, totals, events_ ? &candidates : nullptr);
       found.take(candidates, begin);
+      if (!totals.overloaded) examine(t, pairs, found.pairs(), law, [&](std::uint32_t) { return law.step; });
     };
     share_work(parts, work);
     SweepTotals sum;
     for (int t = 0; t < parts; ++t) sum += totals_[static_cast<std::size_t>(t)];
     if (sum.overloaded) throw_overloaded();
-    for (int t = 0; t < parts; ++t) {
-      examine(pairs, found_[static_cast<std::size_t>(t)].pairs(), law, [&](std::uint32_t) { return law.step; });
-    }
     return sum;
   }
 
+  /// Looks for branch changes among what thread t has found.
   template <class StepOf>
-  void examine(const PairList& pairs, std::span<const std::uint32_t> found, const core::SweepLaw& law, StepOf step_of) {
-    event_book_.examine(balls_.rows, pairs.span(), found, law, step_of,
-                        [this](std::uint32_t row) { return path_acceleration(row, paths_[row].opening); });
+  void examine(int t, const PairList& pairs, std::span<const std::uint32_t> found, const core::SweepLaw& law, StepOf step_of) {
+    event_books_[static_cast<std::size_t>(t)].examine(
+        balls_.rows, pairs.span(), found, law, step_of,
+        [this](std::uint32_t row) { return path_acceleration(row, paths_[row].opening); });
   }
 
   void apply_events(Level active) {
-    if (event_book_.entries().empty()) return;
-    for (const core::EventBook::Entry& e : event_book_.entries()) {
+    core::EventBook& book = event_books_[0];
+    for (std::size_t t = 1; t < event_books_.size(); ++t) book.take(event_books_[t]);
+    if (book.entries().empty()) return;
+    for (const core::EventBook::Entry& e : book.entries()) {
       for (int k = 0; k < 3; ++k) {
         balance_[e.i].v[k] += e.impulse[k];
         if (e.both) balance_[e.j].v[k] -= e.impulse[k];
       }
     }
     // Only a ball whose step ends now has all its forces evaluated.
-    apply_position_corrections(event_book_, [&](std::uint32_t row) {
+    apply_position_corrections(book, [&](std::uint32_t row) {
       return newtons(level_[row] <= active ? total_force(row) : paths_[row].opening);
     });
-    event_book_.clear();
+    book.clear();
   }
 
   /// Ends the steps of balls of `active` and finer; if `go_on`, all that take part move to their next tick at once, while
@@ -346,7 +362,7 @@ class MultirateStepper final : public core::BallStepper {
   const PairList& listed(bool fixed) const { return fixed ? list_.fixed_pairs() : list_.ball_pairs(); }
 
   /// Evaluates every listed pair at `rows`; if `summing`, into the sums with the weights of the pairs' levels. Calls
-  /// see(fixed, candidates) for what may have changed branch. Returns the totals, weighted.
+  /// see(thread, fixed, candidates) for what may have changed branch. Returns the totals, weighted.
   template <class See>
   Opened record(const std::vector<BallRow>& rows, bool summing, See see) {
     list_.count_sweep();
@@ -366,16 +382,14 @@ class MultirateStepper final : public core::BallStepper {
         core::Candidates candidates = found_[static_cast<std::size_t>(t)].room_for(span.n);
         setup_.kernels->record(rows.data(), span, its, book.level.data() + begin, book.records(begin), sums, totals, candidates);
         found_[static_cast<std::size_t>(t)].take(candidates, begin);
+        if (!totals.overloaded) see(t, fixed, found_[static_cast<std::size_t>(t)].pairs());
       });
-      for (int t = 0; t < threads_; ++t) {
-        (fixed ? total.fixed : total.ball) += totals_[static_cast<std::size_t>(t)];
-        see(fixed, found_[static_cast<std::size_t>(t)].pairs());
-      }
+      for (const SweepTotals& part : totals_) (fixed ? total.fixed : total.ball) += part;
     }
     if (total.ball.overloaded || total.fixed.overloaded) throw_overloaded();
     return total;
   }
-  static constexpr auto kIgnoreCandidates = [](bool, std::span<const std::uint32_t>) {};
+  static constexpr auto kIgnoreCandidates = [](int, bool, std::span<const std::uint32_t>) {};
 
   /// The halves of contact steps that the last evaluations opened.
   void book_opened() {
@@ -387,10 +401,10 @@ class MultirateStepper final : public core::BallStepper {
   void close_all_with_records() {
     evaluated_ = balls_.rows;
     // A missed contact has no weight: it pays nothing backwards.
-    const Opened half = record(balls_.rows, true, [&](bool fixed, std::span<const std::uint32_t> found) {
+    const Opened half = record(balls_.rows, true, [&](int t, bool fixed, std::span<const std::uint32_t> found) {
       if (!events_) return;
       const PairBook& book = books_[fixed];
-      examine(listed(fixed), found, law(fixed, step_),
+      examine(t, listed(fixed), found, law(fixed, step_),
               [&](std::uint32_t p) { return book.level[p] == kSkipped ? 0.0 : ladder_.step(book.level[p]); });
     });
     for (const PairBook& book : books_) {
@@ -442,16 +456,19 @@ class MultirateStepper final : public core::BallStepper {
   }
 
   /// Whether a pair that classification should see by its gap and speed could be missing from the list.
-  bool is_list_worn() const {
+  bool is_list_worn() {
     const double ahead = kAhead * interval_;
-    for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
-      const BallRow& r = balls_.rows[row];
-      const core::SkinReference& skin = list_.skins()[row];
-      const double room = std::sqrt(skin.skin2) - margin(r) - ahead * velocity(r).norm();
-      const Vec3 away = position(r) - Vec3(skin.x, skin.y, skin.z);
-      if (!(room > 0.0 && away.squaredNorm() <= room * room)) return true;
-    }
-    return false;
+    std::atomic<bool> is_worn = false;
+    share_balls([&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t row = begin; row < end; ++row) {
+        const BallRow& r = balls_.rows[row];
+        const core::SkinReference& skin = list_.skins()[row];
+        const double room = std::sqrt(skin.skin2) - margin(r) - ahead * velocity(r).norm();
+        const Vec3 away = position(r) - Vec3(skin.x, skin.y, skin.z);
+        if (!(room > 0.0 && away.squaredNorm() <= room * room)) is_worn = true;
+      }
+    });
+    return is_worn;
   }
 
   /// How far a ball may stray from its straight path before the next renewal [m].
@@ -473,7 +490,7 @@ class MultirateStepper final : public core::BallStepper {
     find_needs();
     choose_levels();
     limit_levels(level_, list_.ball_pairs().span(), list_.ball_pairs().count, setup_.stepping.limiter,
-                 [&](std::size_t p) { return books_[0].level[p] != kSkipped; });
+                 [&](std::size_t p) { return books_[0].level[p] != kSkipped; }, beyond_);
     make_batches();
     open_at_levels(is_new);
     renewed_at_ = steps_done_;
@@ -572,7 +589,7 @@ class MultirateStepper final : public core::BallStepper {
     // Whole numbers of a unit that depends on the largest only: the sum is the same in any order of the balls.
     const double unit = std::max(largest, std::numeric_limits<double>::min()) * 0x1p-38;
     std::int64_t sum = 0;
-    for (std::uint32_t row = 0; row < n; ++row) sum += std::llround(square(row) / unit);
+    for (std::uint32_t row = 0; row < n; ++row) sum += static_cast<std::int64_t>(square(row) / unit + 0.5);
     const double quiet = kQuiet * kQuiet * setup_.gravity.norm() * length_scale_;
     const double still = kStill * omega(setup_.materials, length_scale_) * length_scale_;
     return std::max({unit * static_cast<double>(sum) / std::max(1.0, static_cast<double>(n)), quiet, still * still});
@@ -583,32 +600,44 @@ class MultirateStepper final : public core::BallStepper {
     const std::uint32_t n = balls_.content_count();
     drift_level_.assign(level_.begin(), level_.end());
     for (const bool fixed : {false, true}) {
-      const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
+      const PairList& pairs = listed(fixed);
       std::vector<Level>& pair_level = books_[fixed].level;
-      std::array<std::size_t, 256> count{};  // kSkipped included
-      for (std::size_t p = 0; p < pairs.count; ++p) {
-        if (pair_level[p] != kSkipped) {
+      const auto begin_of = [&](int t) { return pairs.count * static_cast<std::size_t>(t) / static_cast<std::size_t>(threads_); };
+      share_work(threads_, [&](int t) {
+        LevelCount& count = level_pairs_[static_cast<std::size_t>(t)];
+        count.fill(0);
+        for (std::size_t p = begin_of(t); p < begin_of(t + 1); ++p) {
+          if (pair_level[p] == kSkipped) continue;
           const std::uint32_t i = pairs.i[p], j = fixed ? i : pairs.j[p];
           const Level level = std::min(level_[i], level_[j]);
           pair_level[p] = level;
-          drift_level_[i] = std::min(drift_level_[i], level);
-          drift_level_[j] = std::min(drift_level_[j], level);
+          lower(drift_level_[i], level);
+          lower(drift_level_[j], level);
+          ++count[level];
         }
-        ++count[pair_level[p]];
-      }
-      std::array<std::pair<std::uint32_t*, std::uint32_t*>, kMostLevels> next{};
+      });
+      // Where each thread's pairs of a level begin in that level's batch.
       for (Level l = 0; l < ladder_.levels(); ++l) {
+        std::size_t total = 0;
+        for (LevelCount& count : level_pairs_) total += std::exchange(count[l], total);
         PairList& batch = fixed ? batches_[l].fixed : batches_[l].ball;
-        batch.i.resize(count[l]);
-        batch.j.resize(count[l]);
-        next[l] = {batch.i.data(), batch.j.data()};
+        batch.i.resize(total);
+        batch.j.resize(total);
       }
-      for (std::size_t p = 0; p < pairs.count; ++p) {
-        if (pair_level[p] == kSkipped) continue;
-        auto& [to_i, to_j] = next[pair_level[p]];
-        *to_i++ = pairs.i[p];
-        *to_j++ = pairs.j[p];
-      }
+      share_work(threads_, [&](int t) {
+        std::array<std::pair<std::uint32_t*, std::uint32_t*>, kMostLevels> next{};
+        for (Level l = 0; l < ladder_.levels(); ++l) {
+          PairList& batch = fixed ? batches_[l].fixed : batches_[l].ball;
+          const std::size_t first = level_pairs_[static_cast<std::size_t>(t)][l];
+          next[l] = {batch.i.data() + first, batch.j.data() + first};
+        }
+        for (std::size_t p = begin_of(t); p < begin_of(t + 1); ++p) {
+          if (pair_level[p] == kSkipped) continue;
+          auto& [to_i, to_j] = next[pair_level[p]];
+          *to_i++ = pairs.i[p];
+          *to_j++ = pairs.j[p];
+        }
+      });
       for (Batch& batch : batches_) (fixed ? batch.fixed : batch.ball).finish(balls_.far_row());
     }
     for (auto& rows : drifting_) rows.clear();
@@ -625,12 +654,14 @@ class MultirateStepper final : public core::BallStepper {
   /// keep their levels; the others' forces are evaluated again where they were. `is_new`: that is all of them.
   void open_at_levels(bool is_new) {
     if (is_new) opened_ = {Opened{{}, {}, 0.5 * ladder_.tick()}};
-    for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
-      const std::int64_t had = is_new ? 0 : std::int64_t{2} << before_[row], has = std::int64_t{2} << level_[row];
-      if (is_new) balance_[row] = {};
-      if (had == has) continue;
-      for (int k = 0; k < 3; ++k) balance_[row].v[k] += (had - has) * paths_[row].opening.v[k];
-    }
+    share_balls([&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t row = begin; row < end; ++row) {
+        const std::int64_t had = is_new ? 0 : std::int64_t{2} << before_[row], has = std::int64_t{2} << level_[row];
+        if (is_new) balance_[row] = {};
+        if (had == has) continue;
+        for (int k = 0; k < 3; ++k) balance_[row].v[k] += (had - has) * paths_[row].opening.v[k];
+      }
+    });
     for (const bool fixed : {false, true}) {
       const PairList& pairs = listed(fixed);
       const PairBook& book = books_[fixed];
@@ -678,7 +709,7 @@ class MultirateStepper final : public core::BallStepper {
   int renew_every_;                  // coarse steps between regular renewals
   double interval_;                  // s, between regular renewals
   bool events_;
-  core::EventBook event_book_;
+  std::vector<core::EventBook> event_books_;  // per thread
   int threads_;
   core::AdvanceParameters advance_;
   AddNeeds add_needs_;
@@ -686,6 +717,8 @@ class MultirateStepper final : public core::BallStepper {
   std::vector<SweepTotals> totals_;         // per thread
   std::vector<core::CandidateList> found_;  // per thread
   std::vector<Needs> needs_;                // per thread
+  PairsBeyond beyond_;                      // per thread
+  std::vector<LevelCount> level_pairs_;     // per thread
   std::vector<core::Path> paths_;
   std::vector<IntVec> balance_;      // force units times half ticks
   std::vector<Level> level_;         // of balls: their own steps

@@ -21,7 +21,7 @@ flow=silo/scenes/table1-flow.h5
 if [ -z "$state" ] && [ -e "$flow" ]; then state=$flow open=--open; fi
 
 # Threads that wait for each other give way soon, so that a busy machine slows a run down by no more than its share.
-export GOMP_SPINCOUNT="${GOMP_SPINCOUNT:-2000}"
+export GOMP_SPINCOUNT="${GOMP_SPINCOUNT:-20000}"
 
 .ci/install-packages
 cmake --preset release >/dev/null

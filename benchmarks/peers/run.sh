@@ -31,7 +31,7 @@ while [ $# -gt 0 ]; do
 done
 
 # Threads that wait for each other give way soon, so that a busy machine slows a run down by no more than its share.
-export GOMP_SPINCOUNT="${GOMP_SPINCOUNT:-2000}"
+export GOMP_SPINCOUNT="${GOMP_SPINCOUNT:-20000}"
 
 # The peers are too big to be asked of everyone who builds grainclock, so that they are not in .ci/install-packages.
 install_peers() {

@@ -26,7 +26,7 @@ while [ $# -gt 0 ]; do
 done
 
 # Threads that wait for each other give way soon, so that a busy machine slows a run down by no more than its share.
-export GOMP_SPINCOUNT="${GOMP_SPINCOUNT:-2000}"
+export GOMP_SPINCOUNT="${GOMP_SPINCOUNT:-20000}"
 threads=1
 [ "$(nproc)" -lt 2 ] || threads="1 2"
 began=$(date +%s)

@@ -21,7 +21,7 @@ while [ $# -gt 0 ]; do
   esac
   shift
 done
-export GOMP_SPINCOUNT="${GOMP_SPINCOUNT:-2000}"
+export GOMP_SPINCOUNT="${GOMP_SPINCOUNT:-20000}"
 
 .ci/install-packages
 cmake --preset release >/dev/null

@@ -17,10 +17,11 @@ struct Graph {
 
   core::PairSpan span() const { return {i.data(), j.data(), i.size()}; }
   /// The limited levels.
-  std::vector<Level> limited(int difference, std::size_t* demotions = nullptr) const {
+  std::vector<Level> limited(int difference, std::size_t* demotions = nullptr, std::size_t threads = 1) const {
     std::vector<Level> out = level;
-    const std::size_t n =
-        limit_levels(std::span<Level>(out), span(), i.size(), difference, [&](std::size_t p) { return active[p] != 0; });
+    PairsBeyond found(threads);
+    const auto is_active = [&](std::size_t p) { return active[p] != 0; };
+    const std::size_t n = limit_levels(std::span<Level>(out), span(), i.size(), difference, is_active, found);
     if (demotions != nullptr) *demotions = n;
     return out;
   }
@@ -74,6 +75,7 @@ TEST(Limiter, FindsTheFixedPointOfShortestPaths) {
     std::size_t demotions = 0;
     EXPECT_EQ(graph.limited(difference, &demotions), by_shortest_paths(graph, difference)) << "trial " << trial;
     EXPECT_EQ(demotions == 0, graph.limited(difference) == graph.level);
+    EXPECT_EQ(graph.limited(difference, nullptr, 3), graph.limited(difference)) << "threads";
     changed += demotions > 0;
   }
   EXPECT_GT(changed, 200U);  // or the trials would show nothing
