@@ -18,6 +18,10 @@ constexpr double kFar = 1e100;
 
 Balls::Balls(const State& state, const Materials& materials, bool with_plug) {
   const auto present = [&](std::size_t i) { return with_plug || state.kind[i] != Kind::plug; };
+  const std::size_t content = state.count(Kind::content);
+  rows.reserve(state.size() + 1);  // else they might take twice their room
+  inverse_mass.reserve(content);
+  id.reserve(content);
   double diameters = 0.0;
   for (std::size_t i = 0; i < state.size(); ++i) {
     if (state.kind[i] != Kind::content) continue;
@@ -43,9 +47,7 @@ Kind Balls::kind_of(std::uint32_t row) const {
   return row < content_count() ? Kind::content : fixed_kind[row - first_fixed_row()];
 }
 
-BallId Balls::id_of(std::uint32_t row) const {
-  return row < content_count() ? id[row] : fixed_id[row - first_fixed_row()];
-}
+BallId Balls::id_of(std::uint32_t row) const { return row < content_count() ? id[row] : fixed_id[row - first_fixed_row()]; }
 
 void Balls::reorder(std::span<const std::uint32_t> order, int threads) {
   const std::uint32_t far = far_row();
@@ -55,7 +57,8 @@ void Balls::reorder(std::span<const std::uint32_t> order, int threads) {
   reorder_like(id, order, spare, threads);
 }
 
-void reorder_like(std::vector<BallRow>& rows, std::span<const std::uint32_t> order, std::vector<BallRow>& spare, int threads) {
+void reorder_like(std::vector<BallRow>& rows, std::span<const std::uint32_t> order, std::vector<BallRow>& spare,
+                  int threads) {
   const std::size_t n = order.size();
   spare.reserve(rows.size());  // else it might double
   spare.resize(std::max(spare.size(), rows.size()));

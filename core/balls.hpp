@@ -39,9 +39,9 @@ class Balls {
   std::vector<BallId> id;            // content only
   std::vector<BallId> fixed_id;
   std::vector<Kind> fixed_kind;
-  double largest_radius = 0.0;       // m, of all balls
-  double mean_diameter = 0.0;        // m, of the content
-  std::vector<BallRow> spare;        // see reorder_like(); also for arrays that others keep beside the rows
+  double largest_radius = 0.0;  // m, of all balls
+  double mean_diameter = 0.0;   // m, of the content
+  std::vector<BallRow> spare;   // see reorder_like(); also for arrays that others keep beside the rows
 };
 
 /// `values[i] = old values[order[i]]`, for arrays that others keep beside the rows. `spare` is memory for it, kept from call
@@ -64,7 +64,8 @@ void reorder_like(std::vector<Value>& values, std::span<const std::uint32_t> ord
   values.resize(n);
 }
 /// Rows change places with the spare ones: half the way.
-void reorder_like(std::vector<BallRow>& rows, std::span<const std::uint32_t> order, std::vector<BallRow>& spare, int threads = 1);
+void reorder_like(std::vector<BallRow>& rows, std::span<const std::uint32_t> order, std::vector<BallRow>& spare,
+                  int threads = 1);
 
 inline Vec3 position(const BallRow& row) { return {row.x, row.y, row.z}; }
 inline Vec3 velocity(const BallRow& row) { return {row.vx, row.vy, row.vz}; }

@@ -27,9 +27,7 @@ class CubeGrid {
   std::size_t index(std::int32_t x, std::int32_t y, std::int32_t z) const {
     return (static_cast<std::size_t>(z) * size_[1] + y) * size_[0] + x;
   }
-  std::size_t index(const Vec3& x) const {
-    return index(coordinate(x[0], 0), coordinate(x[1], 1), coordinate(x[2], 2));
-  }
+  std::size_t index(const Vec3& x) const { return index(coordinate(x[0], 0), coordinate(x[1], 1), coordinate(x[2], 2)); }
 
   /// Calls visit(first, last) for each line of cubes along x, from first to last, that together hold all that is within
   /// `margin` [m] of x in every coordinate.

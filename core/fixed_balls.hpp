@@ -29,7 +29,8 @@ class FixedBalls {
   };
   std::vector<Ball> ball_;
   CubeGrid grid_;
-  std::vector<std::uint32_t> start_, near_;  // near_[start_[c]] .. near_[start_[c + 1]] are within range of cube c, ascending
+  /// Numbers near_[start_[c]] .. near_[start_[c + 1]] are within range of cube c, ascending.
+  std::vector<std::uint32_t> start_, near_;
   double range_ = 0.0, largest_radius_ = 0.0;  // m
 };
 

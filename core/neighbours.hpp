@@ -14,7 +14,10 @@ struct PairList {
   std::size_t count = 0;  // true pairs; the rest fills up vectors
   PairSpan span() const { return {i.data(), j.data(), i.size()}; }
   void clear();
-  void add(std::uint32_t a, std::uint32_t b) { i.push_back(a); j.push_back(b); }
+  void add(std::uint32_t a, std::uint32_t b) {
+    i.push_back(a);
+    j.push_back(b);
+  }
   /// Sets count and fills up with pairs of the first row and the row `far`, which cannot touch.
   void finish(std::uint32_t far);
 };
@@ -45,7 +48,8 @@ class NeighbourList {
   const std::vector<std::uint32_t>& build(Balls& balls, const std::vector<std::uint8_t>& leaving = {});
 
   /// To be told of each evaluation of all listed pairs. By these counts the skins adapt from build to build, so
-  /// that builds take about as long as evaluating the pairs which only the skin lists; without them it stays.
+  /// that making lists and evaluating the pairs which are listed only because of the skin cost about least together.
+  /// Never told, they stay as they are.
   void count_sweep() { ++sweeps_; }
 
   const PairList& ball_pairs() const { return ball_pairs_; }
@@ -90,7 +94,7 @@ class NeighbourList {
   CubeGrid grid_;
   double common_ = 0.0;  // m, largest sphere that the grid allows for
   CubeSort sorted_;
-  std::vector<double> x_, y_, z_, sphere_;  // m, references and spheres of the sorted rows; wide ones lie at infinity
+  std::vector<double> x_, y_, z_, sphere_;  // m, references and spheres of the sorted rows; wide ones have no x
   std::vector<double> sample_;
   std::vector<Share> shares_;
   FixedBalls fixed_;

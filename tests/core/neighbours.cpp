@@ -173,6 +173,9 @@ TEST(NeighbourList, EqualsBruteForceOnFastSets) {
     State few = random_set(600, 200, 3.0, 0.2, 0.25, 0.1, seed);
     for (std::size_t i = 0; i < 7; ++i) few.velocity[50 * i] = 100.0 * Vec3::UnitX();
     expect_complete(few, 0.0, kDefault, seed, "a few fast ones among slow ones");
+    State far = random_set(1500, 300, 4.0, 0.2, 0.25, 0.1, seed);
+    for (std::size_t i = 0; i < 7; ++i) far.velocity[200 * i + i] = 200.0 * Vec3::UnitZ();
+    expect_complete(far, 0.0, kDefault, seed, "a few with skins of several cubes");
     State same = random_set(300, 100, 2.0, 0.2, 0.25, 1.0, seed);
     for (std::size_t i = 0; i < 300; ++i) same.velocity[i] = {0.0, 0.0, -30.0};
     expect_complete(same, 0.0, kDefault, seed, "all falling");
@@ -313,7 +316,7 @@ double floor_after(int builds, int sweeps, const std::vector<std::uint8_t>& leav
 }
 
 TEST(NeighbourList, SkinsAdaptToWhatBuildsCost) {
-  constexpr double kRoot = 1e-15;  // rounding of the square and its root
+  constexpr double kRoot = 1e-15;                         // rounding of the square and its root
   EXPECT_NEAR(floor_after(5, 0), kDefault.floor, kRoot);  // nobody counts
   const double often = floor_after(50, 20), seldom = floor_after(50, 1000);
   EXPECT_GT(often, kDefault.floor);
@@ -346,8 +349,8 @@ double build_seconds(int cells) {
 }
 
 TEST(SlowNeighbourList, TimeGoesWithTheNumberOfBalls) {
-  // 16 times as many balls, 210 thousand. What leaves the caches costs up to twice as much per ball; anything that grows with
-  // the square, such as a search among all fast balls, costs up to 16 times.
+  // 16 times as many balls, 210 thousand. What leaves the caches costs up to twice as much per ball; anything that grows
+  // with the square, such as a search among all fast balls, costs up to 16 times.
   EXPECT_LT(build_seconds(38), 5.0 * build_seconds(15));
 }
 
