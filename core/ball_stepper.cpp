@@ -231,13 +231,14 @@ std::vector<std::uint8_t> BallStepper::find_leaving() {
   return leaving;
 }
 
-void BallStepper::throw_overloaded() const {
+void BallStepper::throw_overloaded(const std::function<bool(std::uint32_t)>& counts) const {
   double worst = -1.0;
   std::string text = "a contact force is not finite";
   for (const bool fixed : {false, true}) {
     const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
     const ContactLaw its = law(fixed, 0.0).law;
     for (std::size_t p = 0; p < pairs.count; ++p) {
+      if (!counts(pairs.i[p]) || !counts(pairs.j[p])) continue;
       const BallRow& a = balls_.rows[pairs.i[p]];
       const BallRow& b = balls_.rows[pairs.j[p]];
       const Vec3 d = position(a) - position(b);

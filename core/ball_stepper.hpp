@@ -6,6 +6,7 @@
 #include "core/stepper.hpp"
 
 #include <cmath>
+#include <functional>
 
 namespace grainclock::core {
 
@@ -35,8 +36,9 @@ class BallStepper : public Stepper {
   /// Rows that have left through the outlet, marked; empty if none. Throws NumericsError for a ball that
   /// is not finite or left the domain elsewhere (names it). Books what leaves.
   std::vector<std::uint8_t> find_leaving();
-  /// Throws NumericsError with the worst contact of the evaluation at the rows' present values.
-  [[noreturn]] void throw_overloaded() const;
+  /// Throws NumericsError with the worst contact of the evaluation at the rows' present values, among the rows that
+  /// `counts` (those that have not moved on since).
+  [[noreturn]] void throw_overloaded(const std::function<bool(std::uint32_t)>& counts = [](std::uint32_t) { return true; }) const;
   /// Seconds from the start of the time line of this stepper to now.
   double elapsed() const { return static_cast<double>(steps_done_ - first_step_) * step_; }
   /// Gravity, domain, unit and coarsest step for the kernels.

@@ -76,7 +76,7 @@ struct StepperSetup {
   Ledger ledger;              // totals to continue from
   Costs costs;                // likewise
   std::int64_t steps_done = 0;    // restart: step count since the phase's start
-  double skin = 0.0;          // m, floor of the per-ball skin; 0: the default. Never changes results
+  double skin = 0.0;          // m, floor of the per-ball skin to begin with; 0: the default. Never changes results
   const Kernels* kernels = &core::kernels();  // any of runnable_kernels() gives the same bits; tests break theirs on purpose
 };
 

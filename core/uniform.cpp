@@ -103,7 +103,7 @@ class UniformStepper final : public BallStepper {
     SweepTotals ball, fixed;
     CandidateList ball_candidates, fixed_candidates;
     AdvanceReport moved;
-    std::uint32_t reached = 0;  // rows of the share below it have moved on
+    std::uint32_t reached = 0;  // own rows of the share below it have moved on
   };
 
   /// Force sums per thread: the content and the far row.
@@ -138,6 +138,7 @@ class UniformStepper final : public BallStepper {
       Work& work = work_[static_cast<std::size_t>(t)];
       const RowShare& share = shares_[static_cast<std::size_t>(t)];
       work.ball = work.fixed = {};
+      work.reached = share.begin;
       sweep_ball_pairs(t, share.ball, work);
       sweep_fixed_pairs(t, share.fixed, work);
     });
@@ -152,16 +153,15 @@ class UniformStepper final : public BallStepper {
       const RowShare& share = shares_[static_cast<std::size_t>(t)];
       work.ball = work.fixed = {};
       work.moved = {};
+      work.reached = share.begin;
       std::size_t ball = share.ball.begin, fixed = share.fixed.begin;
-      for (std::uint32_t row = share.begin; row < share.end; row = work.reached) {
-        work.reached = std::min(row + kRowsAtOnce, share.end);
-        ball = sweep_ball_pairs(t, {ball, end_of(list_.ball_pairs(), {ball, share.ball.end}, work.reached)}, work);
-        fixed = sweep_fixed_pairs(t, {fixed, end_of(list_.fixed_pairs(), {fixed, share.fixed.end}, work.reached)}, work);
-        if (work.ball.overloaded || work.fixed.overloaded) {
-          work.reached = row;
-          break;
-        }
-        move_rows(Advance::close_and_open, std::max(row, share.own), work.reached, t, 1, work);
+      while (work.reached < share.end) {
+        const std::uint32_t next = std::min(work.reached + kRowsAtOnce, share.end);
+        ball = sweep_ball_pairs(t, {ball, end_of(list_.ball_pairs(), {ball, share.ball.end}, next)}, work);
+        fixed = sweep_fixed_pairs(t, {fixed, end_of(list_.fixed_pairs(), {fixed, share.fixed.end}, next)}, work);
+        if (work.ball.overloaded || work.fixed.overloaded) break;  // the rows stay for a diagnosis
+        move_rows(Advance::close_and_open, std::max(work.reached, share.own), next, t, 1, work);
+        work.reached = next;
       }
       sweep_ball_pairs(t, {ball, share.ball.end}, work);
       sweep_fixed_pairs(t, {fixed, share.fixed.end}, work);
@@ -209,7 +209,13 @@ class UniformStepper final : public BallStepper {
       fixed_totals_ += work.fixed;
     }
     costs_.contact_evaluations += listed_pairs();
-    if (ball_totals_.overloaded || fixed_totals_.overloaded) throw_overloaded();
+    if (!ball_totals_.overloaded && !fixed_totals_.overloaded) return;
+    throw_overloaded([this](std::uint32_t row) {
+      for (std::size_t t = 0; t < shares_.size(); ++t) {
+        if (row >= shares_[t].own && row < work_[t].reached) return false;  // has moved on
+      }
+      return true;
+    });
   }
 
   IntVec total_force(std::uint32_t row) const {

@@ -317,6 +317,31 @@ TEST(UniformFailure, NamesTheContactThatIsTooDeepOrTooStrong) {
   }
 }
 
+TEST(UniformFailure, NamesTheSameContactWhereOthersHaveMovedOnAlready) {
+  // Rows move on while later pairs are still to be swept; the bad contact is in the last rows of four thousand.
+  State state = tests::tray(66, 1, 1);
+  const std::size_t last = 4000;
+  ASSERT_EQ(state.kind[last], Kind::content);
+  state.velocity[last] = {0.0, 0.0, -60.0};
+  const auto text_of = [&](std::int64_t steps_at_once, int threads) {
+    StepperSetup setup = tray_setup(Integrator::predicted);
+    setup.stepping.events = false;
+    setup.threads = threads;
+    setup.force_limit = 8e6;  // N; springs give up to 6e6 N, the dashpot of a wall 1.2e7 N at that speed
+    const auto stepper = make_uniform_stepper(state, setup);
+    try {
+      for (std::int64_t k = 0; k < 200; k += steps_at_once) stepper->advance(steps_at_once);
+    } catch (const NumericsError& error) {
+      return std::string(error.what());
+    }
+    return std::string("no failure");
+  };
+  const std::string one_by_one = text_of(1, 1);
+  EXPECT_NE(one_by_one.find("ball 4000 "), std::string::npos) << one_by_one;
+  EXPECT_EQ(text_of(200, 1), one_by_one);
+  EXPECT_EQ(text_of(200, 3), one_by_one);
+}
+
 // ---- what leaves ----
 
 TEST(UniformRemoval, CountsAndBooksWhatLeavesThroughTheOutlet) {
