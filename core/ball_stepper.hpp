@@ -17,6 +17,7 @@ class BallStepper : public Stepper {
   State state() const final;
   std::vector<Contact> contacts() const final;
   Energies energies() const final;
+  double kinetic_energy() const final;
   const Ledger& ledger() const final { return ledger_; }
   Costs costs() const final;
 

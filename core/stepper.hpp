@@ -58,6 +58,8 @@ class Stepper {
   virtual State state() const = 0;
   virtual std::vector<Contact> contacts() const = 0;
   virtual Energies energies() const = 0;
+  /// Kinetic energy [J], as in energies() but for rounding: without a look at contacts, for frequent checks.
+  virtual double kinetic_energy() const = 0;
   virtual const Ledger& ledger() const = 0;
   virtual Costs costs() const = 0;
   virtual LevelStatistics level_statistics() const = 0;

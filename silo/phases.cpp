@@ -79,7 +79,7 @@ MeanBall mean_ball(const State& state, const core::Materials& materials) {
 }
 
 std::optional<std::string> phase_end(const Phase& phase, const MeanBall& mean, double gravity, double step, std::int64_t steps,
-                                     const core::Energies& energies, std::int64_t discharged, Watch& watch) {
+                                     double kinetic_energy, std::int64_t discharged, Watch& watch) {
   constexpr double kRestEnergy = 1e-6;  // of m g r, per ball
   constexpr double kRestTime = 0.1;     // s
   constexpr double kArchTime = 5.0;     // s
@@ -95,8 +95,8 @@ std::optional<std::string> phase_end(const Phase& phase, const MeanBall& mean, d
     else if (since < 0) since = steps;
     return holds;
   };
-  const bool is_calm = note_since(energies.kinetic < kRestEnergy * energy_scale, watch.rest_since);
-  const bool is_slow = note_since(energies.kinetic < kArchEnergy * energy_scale, watch.slow_since);
+  const bool is_calm = note_since(kinetic_energy < kRestEnergy * energy_scale, watch.rest_since);
+  const bool is_slow = note_since(kinetic_energy < kArchEnergy * energy_scale, watch.slow_since);
   const auto seconds_since = [&](std::int64_t since) { return static_cast<double>(steps - since) * step; };
   // A count of steps times their length may fall a rounding short of the time that it stands for.
   constexpr double kGuard = 1.0 - 1e-9;

@@ -207,7 +207,7 @@ class Run {
       if (is_watched) target = std::min(target, (at_.steps / n_check + 1) * n_check);
       advance_to(target);
       if (is_watched && at_.steps % n_check == 0)
-        reason = phase_end(phase(), at_.mean, scene_.gravity.norm(), at_.step, at_.steps, stepper_->energies(),
+        reason = phase_end(phase(), at_.mean, scene_.gravity.norm(), at_.step, at_.steps, stepper_->kinetic_energy(),
                            stepper_->ledger().discharged, at_.watch);
       if (at_.steps % n_frame == 0 || reason) add_frame();
     }

@@ -1,4 +1,4 @@
-"""Times a scene phase by phase, with uniform and with selective steps: story.py PROGRAM SCENE THREADS OUT."""
+"""Times a scene phase by phase, with uniform and selective steps: story.py PROGRAM SCENE THREADS OUT METHOD..."""
 
 import csv
 import pathlib
@@ -15,8 +15,8 @@ import matplotlib.pyplot as plt
 
 # The uniform step is 0.7 of the bound of a ball at the wall; phases with a method of their own (filling) keep it.
 METHODS = {
-    "uniform, 1.6e-4 s": ['stepping.method="uniform"', "stepping.events=false", "stepping.step=1.6e-4"],
-    "multirate, tolerance 1e-3": ['stepping.method="multirate"', "stepping.tolerance=1e-3"],
+    "uniform": ['stepping.method="uniform"', "stepping.events=false", "stepping.step=1.6e-4"],
+    "multirate": ['stepping.method="multirate"', "stepping.tolerance=1e-3"],
 }
 END = re.compile(r'phase "(?P<phase>[^"]+)" ends at (?P<end>[-+.0-9e]+) s: (?P<why>.*)')
 
@@ -55,8 +55,11 @@ def draw(stories, threads, path):
         axes.plot([0.0] + [end for _, end, _, _ in rows], [0.0] + [clock for _, _, clock, _ in rows], marker="o", label=name)
         longest = max([longest] + [end for _, end, _, _ in rows])
     axes.plot([0.0, longest], [0.0, longest], "--", color="0.5", label="real time")
-    for phase, end, clock, _ in next(iter(stories.values())):
-        axes.annotate(phase, (end, clock), textcoords="offset points", xytext=(6, -10), fontsize=8, color="0.3")
+    for rows in stories.values():
+        for phase, simulated, wall, _, _ in with_spans(rows)[:-1]:
+            end, clock = next((end, clock) for name, end, clock, _ in rows if name == phase)
+            if simulated > 0.08 * longest:  # short ones would lie on top of each other
+                axes.annotate(phase, (end - simulated / 2, clock - wall / 2), textcoords="offset points", xytext=(-40, 6), fontsize=8)
     axes.set_xlabel("simulated time [s]; dots: ends of phases")
     axes.set_ylabel("wall clock [s]")
     axes.set_title(f"The whole story, {threads} thread(s): below the dashed line is faster than real time", fontsize=10)
@@ -65,21 +68,21 @@ def draw(stories, threads, path):
 
 
 def main():
-    program, scene, threads, out = sys.argv[1:]
+    program, scene, threads, out, *methods = sys.argv[1:]
     out = pathlib.Path(out)
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
     stories = {}
-    for name, settings in METHODS.items():
-        print(f"{name}: {scene}, {threads} thread(s)", flush=True)
-        stories[name] = run(program, scene, threads, settings, out / settings[0].split('"')[1])
+    for name in methods:
+        print(f"{name} ({', '.join(METHODS[name])}): {scene}, {threads} thread(s)", flush=True)
+        stories[name] = run(program, scene, threads, METHODS[name], out / name)
     with open(out / "story.csv", "w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["method", "threads", "phase", "simulated_s", "wall_s", "wall_over_simulated", "ended_because"])
         for name, rows in stories.items():
             for row in with_spans(rows):
                 writer.writerow([name, threads, *row])
-                print(f"{name:28} {row[0]:12} {row[1]:8.2f} s simulated {row[2]:8.1f} s wall, ratio {row[3]:.2f}")
+                print(f"{name:10} {row[0]:12} {row[1]:8.2f} s simulated {row[2]:8.1f} s wall, ratio {row[3]:.2f}")
     draw(stories, threads, out / "story.png")
     print(f"table and chart: {out}/story.csv, {out}/story.png")
 

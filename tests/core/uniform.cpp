@@ -342,6 +342,22 @@ TEST(UniformFailure, NamesTheSameContactWhereOthersHaveMovedOnAlready) {
   EXPECT_EQ(text_of(200, 3), one_by_one);
 }
 
+TEST(UniformEnergies, KineticEnergyAloneIsThatOfAllAndTheSameInAnySort) {
+  const State state = tests::tray(9, 4, 3);
+  std::vector<double> found;
+  for (const double skin : {0.0, 0.05}) {
+    StepperSetup setup = tray_setup(Integrator::predicted);
+    setup.skin = skin;
+    const auto stepper = make_uniform_stepper(state, setup);
+    stepper->advance(300);
+    found.push_back(stepper->kinetic_energy());
+    const double all = stepper->energies().kinetic;
+    EXPECT_NEAR(found.back(), all, 1e-9 * all);  // rounding to 2^-38 of the fastest ball's, ball by ball
+    EXPECT_GT(all, 0.0);
+  }
+  EXPECT_EQ(found[0], found[1]);
+}
+
 // ---- what leaves ----
 
 TEST(UniformRemoval, CountsAndBooksWhatLeavesThroughTheOutlet) {

@@ -22,9 +22,8 @@ class PhaseEnd : public ::testing::Test {
   PhaseEnd() { watch_ = {-1, -1, 7, 100, 7, 0}; }
   /// `out`: balls that have left in this phase; energy per ball that is left [J].
   std::optional<std::string> check(std::int64_t steps, std::int64_t out, double energy) {
-    core::Energies energies;
-    energies.kinetic = energy * static_cast<double>(100 - out);
-    return phase_end(phase_, kMean, kGravity, kStep, steps, energies, 7 + out, watch_);
+    const double kinetic_energy = energy * static_cast<double>(100 - out);
+    return phase_end(phase_, kMean, kGravity, kStep, steps, kinetic_energy, 7 + out, watch_);
   }
   Phase phase_;
   Watch watch_;
