@@ -8,6 +8,10 @@
 // step add 2 w_c F_c, the closing one w_c F_c. What the velocity gains beyond v + H a is the balance over
 // the mass: the trapezoid rule on each contact's own time grid. Both balls of a contact get the same integers, so momentum,
 // balances included, is exact to rounding of the velocities.
+//
+// A renewal of classes: one evaluation of all listed pairs closes every step and says what pairs ask of their balls
+// (needs.hpp). Balances and ledger carry over for pairs that keep their level; only those that change are evaluated again,
+// with the same integers, and paid the difference of their weights.
 #include "multirate/stepper.hpp"
 
 #include "core/ball_stepper.hpp"
