@@ -68,9 +68,13 @@ StepBounds critical_steps(const State& state, const Materials& materials, bool o
   std::iota(order.begin(), order.end(), 0U);
   std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return balls.id[a] < balls.id[b]; });
   for (const std::uint32_t row : order) {
-    // The trace bounds the eigenvalue from above, a third of it from below.
     double safe = solve(spring[row].trace(), dashpot[row].trace(), q);
-    if (std::isfinite(safe)) {
+    if (std::isfinite(safe) && touches_wall[row] == 0 && materials.ball.k > 0.0) {
+      // One kind of contact: dashpots are in proportion to springs, and one eigenvalue is enough.
+      const double stiffest = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spring[row], Eigen::EigenvaluesOnly).eigenvalues()[2];
+      safe = solve(stiffest, stiffest * (materials.ball.c / materials.ball.k), q);
+    } else if (std::isfinite(safe)) {
+      // The trace bounds the eigenvalue from above, a third of it from below.
       double unsafe = std::max(solve(spring[row].trace() / 3.0, dashpot[row].trace() / 3.0, q), safe) * (1.0 + 1e-12);
       while (unsafe - safe > 1e-9 * safe) {
         const double middle = 0.5 * (safe + unsafe);
