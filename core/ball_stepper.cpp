@@ -1,6 +1,7 @@
 #include "core/ball_stepper.hpp"
 
 #include "core/check.hpp"
+#include "core/order_free_sum.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -181,17 +182,10 @@ Energies BallStepper::energies() const {
 }
 
 double BallStepper::kinetic_energy() const {
-  const auto of = [this](std::uint32_t row) {
+  return order_free_sum(balls_.content_count(), [this](std::uint32_t row) {
     const BallRow& r = balls_.rows[row];
     return 0.5 * mass(row) * (r.vx * r.vx + r.vy * r.vy + r.vz * r.vz);
-  };
-  double largest = 0.0;
-  for (std::uint32_t row = 0; row < balls_.content_count(); ++row) largest = std::max(largest, of(row));
-  // Whole numbers of a unit that depends on the largest only: the sum is the same in any order of the balls.
-  const double unit = std::max(largest, std::numeric_limits<double>::min()) * 0x1p-38;
-  std::int64_t sum = 0;
-  for (std::uint32_t row = 0; row < balls_.content_count(); ++row) sum += static_cast<std::int64_t>(of(row) / unit + 0.5);
-  return unit * static_cast<double>(sum);
+  });
 }
 
 Costs BallStepper::costs() const {

@@ -21,7 +21,6 @@ class CandidateList {
     count_ = found.n;
     for (std::size_t k = 0; k < count_; ++k) pair_[k] += static_cast<std::uint32_t>(begin);
   }
-  void clear() { count_ = 0; }
   std::span<const std::uint32_t> pairs() const { return {pair_.data(), count_}; }
 
  private:

@@ -134,7 +134,7 @@ class UniformStepper final : public BallStepper {
 
   /// Sums up the forces of all pairs.
   void sweep_pairs() {
-    share_work([this](int t) {
+    share_work(threads_, [this](int t) {
       Work& work = work_[static_cast<std::size_t>(t)];
       const RowShare& share = shares_[static_cast<std::size_t>(t)];
       work.ball = work.fixed = {};
@@ -148,7 +148,7 @@ class UniformStepper final : public BallStepper {
   /// The same, and each ball closes its step and opens the next as soon as its last pair is done, while it is in
   /// the cache: the lists are in order of the first row, so nothing later in the list touches an earlier row.
   void sweep_and_move() {
-    share_work([this](int t) {
+    share_work(threads_, [this](int t) {
       Work& work = work_[static_cast<std::size_t>(t)];
       const RowShare& share = shares_[static_cast<std::size_t>(t)];
       work.ball = work.fixed = {};
@@ -168,7 +168,7 @@ class UniformStepper final : public BallStepper {
     });
     add_up_totals();
     // The rows that other shares may have added to: their forces are complete only now.
-    share_work([this](int t) {
+    share_work(threads_, [this](int t) {
       const RowShare& share = shares_[static_cast<std::size_t>(t)];
       move_rows(Advance::close_and_open, share.begin, share.own, 0, threads_, work_[static_cast<std::size_t>(t)]);
     });
@@ -249,7 +249,7 @@ class UniformStepper final : public BallStepper {
   }
 
   void move(Advance what) {
-    share_work([this, what](int t) {
+    share_work(threads_, [this, what](int t) {
       const RowShare& share = shares_[static_cast<std::size_t>(t)];
       Work& work = work_[static_cast<std::size_t>(t)];
       work.moved = {};
@@ -275,13 +275,6 @@ class UniformStepper final : public BallStepper {
       list_unsafe_ = list_unsafe_ || work.moved.list_unsafe;
       crossed_ = crossed_ || work.moved.crossed;
     }
-  }
-
-  /// Calls work(t) for every thread's share.
-  template <class Do>
-  void share_work(Do work) {
-#pragma omp parallel for num_threads(threads_) schedule(static, 1) if (threads_ > 1)
-    for (int t = 0; t < threads_; ++t) work(t);
   }
 
   void take_sums_as_opening() {

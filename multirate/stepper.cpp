@@ -18,6 +18,7 @@
 #include "core/candidate_list.hpp"
 #include "core/check.hpp"
 #include "core/critical_step.hpp"
+#include "core/order_free_sum.hpp"
 #include "multirate/limiter.hpp"
 #include "multirate/pair_book.hpp"
 #include "multirate/schedule.hpp"
@@ -150,10 +151,7 @@ class MultirateStepper final : public core::BallStepper {
     build_list();
     record_and_open();
     if (!state.evaluated_position.empty()) load_synchronised(state);
-    if (is_list_worn()) {
-      build_list();
-      record(evaluated_, false, kIgnoreCandidates);
-    }
+    if (is_list_worn()) relist();
     classify(true);
     costs_ = setup.costs;
   }
@@ -304,17 +302,6 @@ class MultirateStepper final : public core::BallStepper {
     parts_ = 1;
   }
 
-  /// Calls work(t) for t from 0 to parts - 1, by as many threads.
-  template <class Work>
-  void share_work(int parts, Work work) {
-    if (parts == 1) {
-      work(0);
-      return;
-    }
-#pragma omp parallel for num_threads(parts) schedule(static, 1)
-    for (int t = 0; t < parts; ++t) work(t);
-  }
-
   /// Calls work(begin, end) for shares of the content, by threads.
   template <class Work>
   void share_balls(Work work) {
@@ -421,7 +408,6 @@ class MultirateStepper final : public core::BallStepper {
   }
 
   void renew() {
-    bool relisted = false;
     if (crossed_) {
       crossed_ = false;
       const std::vector<std::uint8_t> leaving = find_leaving();
@@ -434,13 +420,15 @@ class MultirateStepper final : public core::BallStepper {
         return;
       }
     }
-    if (is_list_worn()) {
-      // A new list around the balls as they are, with records of the last evaluation for its pairs.
-      build_list();
-      record(evaluated_, false, kIgnoreCandidates);
-      relisted = true;
-    }
-    classify(relisted);
+    const bool is_worn = is_list_worn();
+    if (is_worn) relist();
+    classify(is_worn);
+  }
+
+  /// A new list around the balls as they are, with records of the last evaluation for its pairs.
+  void relist() {
+    build_list();
+    record(evaluated_, false, kIgnoreCandidates);
   }
 
   /// Records of a new list, and force sums and accelerations for balls that are not in mid-step.
@@ -588,15 +576,9 @@ class MultirateStepper final : public core::BallStepper {
       const BallRow& r = balls_.rows[row];
       return r.vx * r.vx + r.vy * r.vy + r.vz * r.vz;
     };
-    double largest = 0.0;
-    for (std::uint32_t row = 0; row < n; ++row) largest = std::max(largest, square(row));
-    // Whole numbers of a unit that depends on the largest only: the sum is the same in any order of the balls.
-    const double unit = std::max(largest, std::numeric_limits<double>::min()) * 0x1p-38;
-    std::int64_t sum = 0;
-    for (std::uint32_t row = 0; row < n; ++row) sum += static_cast<std::int64_t>(square(row) / unit + 0.5);
     const double quiet = kQuiet * kQuiet * setup_.gravity.norm() * length_scale_;
     const double still = kStill * omega(setup_.materials, length_scale_) * length_scale_;
-    return std::max({unit * static_cast<double>(sum) / std::max(1.0, static_cast<double>(n)), quiet, still * still});
+    return std::max({core::order_free_sum(n, square) / std::max(1.0, static_cast<double>(n)), quiet, still * still});
   }
 
   /// Sorts contacts by level and balls by the finest level at which they take part.

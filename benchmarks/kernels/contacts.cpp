@@ -1,6 +1,7 @@
 // Evaluation of contacts, per listed pair: the sweeps of uniform and selective steps and the records of renewals.
 #include "benchmarks/kernels/subjects.hpp"
 #include "benchmarks/kernels/timing.hpp"
+#include "core/candidate_list.hpp"
 
 #include <algorithm>
 #include <memory>
@@ -19,25 +20,14 @@ constexpr int kShift = 3;  // a level
 
 using SharedScene = std::shared_ptr<const Scene>;
 
-/// Room for the event candidates of a sweep.
-class CandidateRoom {
- public:
-  explicit CandidateRoom(std::size_t pairs) : pair_(pairs + core::kLanes) {}
-  /// None yet.
-  Candidates empty() { return {pair_.data()}; }
-
- private:
-  std::vector<std::uint32_t> pair_;
-};
-
 void sweep(benchmark::State& run, const Kernels& kernel, const Scene& scene, bool fixed, bool events) {
   const PairSpan pairs = scene.pairs(fixed).span();
   std::vector<core::IntVec> sums(scene.balls.rows.size());
-  CandidateRoom room(pairs.n);
+  core::CandidateList room;
   const auto clear = [&] { std::fill(sums.begin(), sums.end(), core::IntVec{}); };
   time_items(run, "pair", scene.pairs(fixed).count, clear, [&] {
     SweepTotals totals;
-    Candidates found = room.empty();
+    Candidates found = room.room_for(pairs.n);
     kernel.sweep(scene.balls.rows.data(), pairs, scene.law(fixed), sums.data(), totals, events ? &found : nullptr);
     benchmark::DoNotOptimize(totals);
   });
@@ -46,11 +36,11 @@ void sweep(benchmark::State& run, const Kernels& kernel, const Scene& scene, boo
 void sweep_weighted(benchmark::State& run, const Kernels& kernel, const Scene& scene, bool events) {
   const PairSpan pairs = scene.pairs(false).span();
   std::vector<core::WeightedSum> sums(scene.balls.rows.size());
-  CandidateRoom room(pairs.n);
+  core::CandidateList room;
   const auto clear = [&] { std::fill(sums.begin(), sums.end(), core::WeightedSum{}); };
   time_items(run, "pair", scene.pairs(false).count, clear, [&] {
     SweepTotals totals;
-    Candidates found = room.empty();
+    Candidates found = room.room_for(pairs.n);
     kernel.sweep_weighted(scene.balls.rows.data(), pairs, scene.law(false), kShift, sums.data(), totals,
                           events ? &found : nullptr);
     benchmark::DoNotOptimize(totals);
@@ -64,10 +54,10 @@ void record(benchmark::State& run, const Kernels& kernel, const Scene& scene, bo
   std::vector<core::Normal> normal(pairs.n);
   const std::vector<std::uint8_t> level(pairs.n, kShift);
   std::vector<core::WeightedSum> sums(scene.balls.rows.size());
-  CandidateRoom room(pairs.n);
+  core::CandidateList room;
   const auto clear = [&] { std::fill(sums.begin(), sums.end(), core::WeightedSum{}); };
   time_items(run, "pair", scene.pairs(false).count, clear, [&] {
-    Candidates found = room.empty();
+    Candidates found = room.room_for(pairs.n);
     SweepTotals totals;
     kernel.record(scene.balls.rows.data(), pairs, scene.law(false), level.data(),
                   {overlap.data(), rate.data(), speed.data(), normal.data()}, summing ? sums.data() : nullptr, totals, found);
