@@ -184,7 +184,8 @@ GC_INLINE void store_rows(Int x, Int y, Int z, IntVec* out) {
 
 /// Lane sums of a sweep, kept as vectors until its end.
 struct LaneTotals {
-  Int fx = {}, fy = {}, fz = {}, magnitude = {}, power = {}, turned = {}, bad = {};
+  Int fx = {}, fy = {}, fz = {}, magnitude = {}, power = {}, turned = {};
+  unsigned bad = 0;  // one bit per lane
   GC_INLINE void add_to(SweepTotals& totals) const {
     totals.force[0] += lane_sum(fx);
     totals.force[1] += lane_sum(fy);
@@ -192,7 +193,7 @@ struct LaneTotals {
     totals.magnitude += lane_sum(magnitude);
     totals.power += lane_sum(power);
     totals.turned += lane_sum(turned);
-    totals.overloaded = totals.overloaded || lane_bits(bad) != 0;
+    totals.overloaded = totals.overloaded || bad != 0;
   }
 };
 
@@ -238,32 +239,36 @@ GC_INLINE void take_root(Gathered& d) {
 template <class T, bool kEvents>
 GC_INLINE Evaluated evaluate(const Gathered& d, const SweepLaw& law, LaneTotals& totals) {
   const Real zero = {};
-  const Real length = d.length, inverse = d.inverse;
+  const Real inverse = d.inverse;
   Evaluated out;
   out.nx = d.x * inverse;
   out.ny = d.y * inverse;
   out.nz = d.z * inverse;
-  out.overlap = d.radii - length;
+  out.overlap = d.radii - d.length;
   out.rate = -d.product * inverse;
-  const Real force = contact_force<T>(out.overlap, out.rate, law.law.k, law.law.c, law.law.reach);
-  const Real units = force * law.per_unit;
-  out.fx = __builtin_convertvector(units * out.nx, Int);
-  out.fy = __builtin_convertvector(units * out.ny, Int);
-  out.fz = __builtin_convertvector(units * out.nz, Int);
-
-  const Real size = magnitude(force);
-  const Real spring = out.overlap > zero ? law.law.k * out.overlap : zero;
-  totals.fx += out.fx;
-  totals.fy += out.fy;
-  totals.fz += out.fz;
-  out.magnitude = __builtin_convertvector(size * law.per_total, Int);
-  out.power = __builtin_convertvector((force - spring) * out.rate * law.per_total, Int);
-  out.turned = __builtin_convertvector(size * magnitude(out.rate) * law.per_total, Int);
+  // The law in force units: these are powers of two, so it says the same to the bit.
+  const double k = law.law.k * law.per_unit, c = law.law.c * law.per_unit, per_total = law.per_total / law.per_unit;
+  const Real force = contact_force<T>(out.overlap, out.rate, k, c, law.law.reach);
+  const Real scaled = force * inverse;
+  out.fx = __builtin_convertvector(scaled * d.x, Int);
+  out.fy = __builtin_convertvector(scaled * d.y, Int);
+  out.fz = __builtin_convertvector(scaled * d.z, Int);
+  if (!law.both) {
+    totals.fx += out.fx;
+    totals.fy += out.fy;
+    totals.fz += out.fz;
+  }
+  const Real size = T::tension || T::cohesion ? magnitude(force) : force;
+  const Real spring = out.overlap > zero ? k * out.overlap : zero;
+  const Real speed = out.rate * per_total;
+  out.magnitude = __builtin_convertvector(size * per_total, Int);
+  out.power = __builtin_convertvector((force - spring) * speed, Int);
+  out.turned = __builtin_convertvector(magnitude(force * speed), Int);
   totals.magnitude += out.magnitude;
   totals.power += out.power;
   totals.turned += out.turned;
   // Written so that a NaN counts as overloaded.
-  totals.bad |= ~((size <= splat(law.force_limit)) & (4.0 * out.overlap <= d.radii));
+  totals.bad |= lane_bits(~((size <= splat(law.force_limit * law.per_unit)) & (4.0 * out.overlap <= d.radii)));
 
   out.candidates = 0;
   if constexpr (kEvents) {
@@ -280,7 +285,6 @@ GC_INLINE Evaluated evaluate(const Gathered& d, const SweepLaw& law, LaneTotals&
     if constexpr (T::tension) {
       settled |= lowest > zero;
     } else {
-      const double c = law.law.c, k = law.law.k;
       const Int pressed = k * lowest + c * (out.rate - bend) > zero;
       const Int clamped = k * highest + c * (out.rate + bend) < zero;
       settled |= (lowest > zero) & (pressed | clamped);
@@ -384,10 +388,12 @@ void weighted_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, in
 GC_INLINE std::int64_t weight_of(std::uint8_t level) { return level == kNoWeight ? 0 : std::int64_t{1} << (level & 63); }
 
 /// Adds a group's totals, each pair's times its weight.
-GC_INLINE void add_totals(LaneTotals& lanes, const Evaluated& e, Int weight) {
-  lanes.fx += e.fx * weight;
-  lanes.fy += e.fy * weight;
-  lanes.fz += e.fz * weight;
+GC_INLINE void add_totals(LaneTotals& lanes, const Evaluated& e, Int weight, bool both) {
+  if (!both) {
+    lanes.fx += e.fx * weight;
+    lanes.fy += e.fy * weight;
+    lanes.fz += e.fz * weight;
+  }
   lanes.magnitude += e.magnitude * weight;
   lanes.power += e.power * weight;
   lanes.turned += e.turned * weight;
@@ -411,7 +417,7 @@ void record_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, cons
     if constexpr (kSum) {
       Int weight;
       for (int k = 0; k < kWidth; ++k) weight[k] = weight_of(level[p + k]);
-      add_totals(weighted, e, weight);
+      add_totals(weighted, e, weight, both);
     }
   };
   sweep_pairs<T, true>(rows, pairs, law, single, candidates, see, [=](std::size_t pair, Int4 f) GC_INLINE_LAMBDA {
@@ -432,7 +438,7 @@ void reweigh_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, con
   const auto see = [&](std::size_t p, const Evaluated& e) GC_INLINE_LAMBDA {
     Int weight;
     for (int k = 0; k < kWidth; ++k) weight[k] = change(p + k);
-    add_totals(weighted, e, weight);
+    add_totals(weighted, e, weight, both);
   };
   sweep_pairs<T, false>(rows, pairs, law, single, nullptr, see, [=](std::size_t pair, Int4 f) GC_INLINE_LAMBDA {
     const Int4 impulse = f * change(pair);
@@ -488,42 +494,105 @@ void reweigh(const BallRow* rows, PairSpan pairs, const SweepLaw& law, const std
 
 // ---- advance of balls ----
 
+/// Vectors of whole balls, each of four lanes: x, y, z and another.
+template <int kBalls>
+struct Group;
+
+template <>
+struct Group<1> {
+  using Reals = Real4;
+  using Ints = Int4;
+
+  /// The first of every `kStride` balls' four.
+  template <int kStride>
+  GC_INLINE static Reals load(const Real4* from) { return *from; }
+  template <int kStride>
+  GC_INLINE static void store(Real4* to, Reals value) { *to = value; }
+  /// The same for every ball.
+  GC_INLINE static Reals repeat(Real4 one) { return one; }
+  /// One number per ball, in all its lanes.
+  GC_INLINE static Reals spread(const double* number) { return Reals{} + *number; }
+  /// One lane of each ball, in all its lanes.
+  template <int kLane>
+  GC_INLINE static Reals lane(Reals v) { return __builtin_shufflevector(v, v, kLane, kLane, kLane, kLane); }
+};
+
+#if defined(__AVX512F__)
+constexpr int kBallsAtOnce = 2;
+
+template <>
+struct Group<2> {
+  typedef double Reals [[gnu::vector_size(64), gnu::aligned(32)]];
+  typedef std::int64_t Ints [[gnu::vector_size(64), gnu::aligned(32)]];
+
+  template <int kStride>
+  GC_INLINE static Reals load(const Real4* from) {
+    return __builtin_shufflevector(from[0], from[kStride], 0, 1, 2, 3, 4, 5, 6, 7);
+  }
+  template <int kStride>
+  GC_INLINE static void store(Real4* to, Reals value) {
+    to[0] = __builtin_shufflevector(value, value, 0, 1, 2, 3);
+    to[kStride] = __builtin_shufflevector(value, value, 4, 5, 6, 7);
+  }
+  GC_INLINE static Reals repeat(Real4 one) { return __builtin_shufflevector(one, one, 0, 1, 2, 3, 0, 1, 2, 3); }
+  GC_INLINE static Reals spread(const double* number) {
+    return __builtin_shufflevector(Real4{} + number[0], Real4{} + number[1], 0, 1, 2, 3, 4, 5, 6, 7);
+  }
+  template <int kLane>
+  GC_INLINE static Reals lane(Reals v) {
+    constexpr int kSecond = kLane + 4;
+    return __builtin_shufflevector(v, v, kLane, kLane, kLane, kLane, kSecond, kSecond, kSecond, kSecond);
+  }
+};
+#else
+constexpr int kBallsAtOnce = 1;
+#endif
+
+/// x + y + z of every ball, in all its lanes.
+template <int kBalls>
+GC_INLINE typename Group<kBalls>::Reals sum_of_three(typename Group<kBalls>::Reals v) {
+  return Group<kBalls>::template lane<0>(v) + Group<kBalls>::template lane<1>(v) + Group<kBalls>::template lane<2>(v);
+}
+
 /// Closes the step that ends (velocity from the new force sum) and opens the next one (position and
-/// velocity for the next evaluation). Both halves do the same operations alone or together.
-template <bool kLagged, bool kClose, bool kOpen, bool kBound>
-AdvanceReport advance_rows(BallRow* rows, IntVec* sums_in, std::size_t stride, int parts, IntVec* opening_in,
-                           const double* inverse_mass, const SkinReference* skins, const AdvanceParameters& p,
-                           std::size_t begin, std::size_t end) {
-  const Real4 gravity = {p.gravity[0], p.gravity[1], p.gravity[2], 0.0};
-  const Real4 lower = {p.lower[0], p.lower[1], p.lower[2], -__builtin_inf()};  // the outlet included
-  const Real4 upper = {p.upper[0], p.upper[1], p.upper[2], __builtin_inf()};
-  const Int4 xyz = {-1, -1, -1, 0};
+/// velocity for the next evaluation). Both halves do the same operations alone or together. Takes kBalls rows at a time
+/// while there are as many; returns the first row that is left.
+template <int kBalls, bool kLagged, bool kClose, bool kOpen, bool kBound>
+GC_INLINE std::size_t advance_groups(BallRow* rows, IntVec* sums, std::size_t stride, int parts, IntVec* openings,
+                                     const double* inverse_mass, const SkinReference* skins, const AdvanceParameters& p,
+                                     std::size_t begin, std::size_t end, AdvanceReport& report) {
+  using Balls = Group<kBalls>;
+  using Reals = typename Balls::Reals;
+  using Ints = typename Balls::Ints;
+  const Reals gravity = Balls::repeat(Real4{p.gravity[0], p.gravity[1], p.gravity[2], 0.0});
+  const Reals lower = Balls::repeat(Real4{p.lower[0], p.lower[1], p.lower[2], -__builtin_inf()});  // the outlet included
+  const Reals upper = Balls::repeat(Real4{p.upper[0], p.upper[1], p.upper[2], __builtin_inf()});
+  const Ints xyz = (Ints)Balls::repeat((Real4)Int4{-1, -1, -1, 0});
   const double h = p.step, half = 0.5 * p.step, half_square = 0.5 * p.step * p.step;
-  Int4* sums = reinterpret_cast<Int4*>(sums_in);
-  Int4* opening = reinterpret_cast<Int4*>(opening_in);
-  Int4 outside = {};
-  bool unsafe = false;
-  for (std::size_t i = begin; i < end; ++i) {
+  Ints outside = {}, unsafe = {};
+  std::size_t i = begin;
+  for (; i + kBalls <= end; i += kBalls) {
     Real4* row = reinterpret_cast<Real4*>(rows + i);
-    Real4 x = row[0];
-    Real4 v = (Real4)((Int4)row[1] & xyz);
-    const double inertia = p.unit * inverse_mass[i];
-    Int4 force = opening[i];
+    Ints& opening = *reinterpret_cast<Ints*>(openings + i);
+    Reals x = Balls::template load<2>(row);
+    Reals v = (Reals)((Ints)Balls::template load<2>(row + 1) & xyz);
+    const Reals inertia = p.unit * Balls::spread(inverse_mass + i);
+    Ints force = opening;
     if constexpr (kClose) {
-      force = sums[i];
-      sums[i] = Int4{};
-      for (int part = 1; part < parts; ++part) {
-        force += sums[static_cast<std::size_t>(part) * stride + i];
-        sums[static_cast<std::size_t>(part) * stride + i] = Int4{};
+      force = Ints{};
+      for (int part = 0; part < parts; ++part) {
+        Ints& sum = *reinterpret_cast<Ints*>(sums + static_cast<std::size_t>(part) * stride + i);
+        force += sum;
+        sum = Ints{};
       }
       if constexpr (kLagged) {
-        v += half * (gravity + __builtin_convertvector(force, Real4) * inertia);
+        v += half * (gravity + __builtin_convertvector(force, Reals) * inertia);
       } else {
-        v += __builtin_convertvector(force - opening[i], Real4) * (half * inertia);
+        v += __builtin_convertvector(force - opening, Reals) * (half * inertia);
       }
-      opening[i] = force;
+      opening = force;
     }
-    const Real4 a = gravity + __builtin_convertvector(force, Real4) * inertia;
+    const Reals a = gravity + __builtin_convertvector(force, Reals) * inertia;
     if constexpr (kOpen) {
       if constexpr (kLagged) {
         v += half * a;
@@ -532,18 +601,36 @@ AdvanceReport advance_rows(BallRow* rows, IntVec* sums_in, std::size_t stride, i
         x += h * v + half_square * a;
         v += h * a;
       }
-      const Real4 away = x - *reinterpret_cast<const Real4*>(skins + i);
-      // Written so that a NaN is unsafe.
-      unsafe |= !(three_sum(away * away) <= skins[i].skin2);
+      const Reals skin = *reinterpret_cast<const Reals*>(skins + i);
+      const Reals away = x - skin;
+      // Written so that a NaN is unsafe. The skin's square is in the fourth lane.
+      unsafe |= ~(sum_of_three<kBalls>(away * away) <= skin);
       outside |= ~((x >= lower) & (x <= upper));
-      row[0] = x;
+      Balls::template store<2>(row, x);
     }
-    if constexpr (kBound) v[3] = three_sum(magnitude4(a));
-    row[1] = v;
+    if constexpr (kBound) {
+      const Reals size = sum_of_three<kBalls>((Reals)((Ints)a & (Ints{} + INT64_MAX)));
+      v = (Reals)((Ints)v | ((Ints)size & ~xyz));
+    }
+    Balls::template store<2>(row + 1, v);
   }
+  for (int lane = 0; lane < 4 * kBalls; ++lane) {
+    if (lane % 4 == 3) report.list_unsafe |= unsafe[lane] != 0;
+    else report.crossed |= outside[lane] != 0;
+  }
+  return i;
+}
+
+template <bool kLagged, bool kClose, bool kOpen, bool kBound>
+AdvanceReport advance_rows(BallRow* rows, IntVec* sums, std::size_t stride, int parts, IntVec* opening,
+                           const double* inverse_mass, const SkinReference* skins, const AdvanceParameters& p,
+                           std::size_t begin, std::size_t end) {
   AdvanceReport report;
-  report.list_unsafe = unsafe;
-  report.crossed = (outside[0] | outside[1] | outside[2]) != 0;
+  const std::size_t left = advance_groups<kBallsAtOnce, kLagged, kClose, kOpen, kBound>(
+      rows, sums, stride, parts, opening, inverse_mass, skins, p, begin, end, report);
+  if constexpr (kBallsAtOnce > 1) {
+    advance_groups<1, kLagged, kClose, kOpen, kBound>(rows, sums, stride, parts, opening, inverse_mass, skins, p, left, end, report);
+  }
   return report;
 }
 

@@ -30,7 +30,7 @@ struct SweepLaw {
 
 /// Sums over the pairs of a sweep, in integer units, hence exact.
 struct SweepTotals {
-  std::int64_t force[3] = {0, 0, 0};   // force units, on i
+  std::int64_t force[3] = {0, 0, 0};   // force units, on i; only of pairs with fixed balls (SweepLaw::both is false)
   std::int64_t magnitude = 0;          // total units, sum of |F|
   std::int64_t power = 0;              // total units, sum of (F - k d) d'
   std::int64_t turned = 0;             // total units, sum of |F d'|

@@ -49,8 +49,8 @@ TEST(Determinism, ThreadsDoNotMatter) {
     const auto stepper = make_multirate_stepper(start, setup);
     stepper->advance(40);
     const core::LevelStatistics levels = stepper->level_statistics();
-    EXPECT_GT(levels.contacts.back(), 4096.0);
-    EXPECT_GT(levels.balls.back(), 4096.0);
+    EXPECT_GT(levels.contacts.back(), 2.0 * 1024.0);  // a share is at least 1024 pairs or balls
+    EXPECT_GT(levels.balls.back(), 2.0 * 1024.0);
     return std::pair(stepper->state(), stepper->ledger());
   };
   const auto [one, ledger] = run(1);
