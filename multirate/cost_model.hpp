@@ -1,20 +1,59 @@
 // What selective stepping should buy, before and after it ran.
+//
+// Evaluations: every level at its own rate; at a renewal of classes the last evaluation is one of all listed pairs, and
+// pairs that change level are evaluated once more.
+//
+// Time: pairs, balls, sweeps and renewals have prices, fitted to clocks on the scenes of benchmarks/ (README.md there).
+// Small scenes pay mostly for sweeps over thin levels and for renewals.
 #pragma once
 
 #include "core/stepper.hpp"
 
 namespace grainclock::multirate {
 
+/// Share of contacts that change level at a renewal and are evaluated once more: 0.1 to 0.5 in the scenes of benchmarks/.
+constexpr double kChangedShare = 0.2;
+
+/// In units of one pair's evaluation in uniform steps with events.
+struct Prices {
+  double pair, ball;  // of each evaluation of a pair; of each step of a ball
+  double call;        // of each uniform step, step of a level, or renewal, however small
+};
+constexpr Prices kUniformPrices{1.0, 1.2, 15.0};
+constexpr Prices kSelectivePrices{2.5, 1.2, 10.0};
+constexpr Prices kRenewalPrices{9.0, 20.0, 1600.0};  // of every listed pair and every ball
+
+/// Uniform steps with events that selective ones are compared with.
+struct UniformSteps {
+  double step;    // s
+  double listed;  // pairs evaluated at each: their list looks less far ahead
+};
+
 struct Prediction {
   std::vector<double> step;             // s, per level; level 0 is the finest used
   std::vector<std::int64_t> balls;      // per level
   std::vector<std::int64_t> contacts;   // per level, evaluated at it
   double ideal_gain = 1.0;   // contacts / sum over contacts of 2^-(levels above the finest)
-  double gain = 1.0;         // the same with classification sweeps charged: contact evaluations of a uniform
-                             // run at the finest used step over those of this one
+  double uniform_step = 0.0; // s, of uniform steps with events that should be as accurate
+  double gain = 1.0;         // contact evaluations of those over those of selective steps, renewals included
+  double wall_gain = 1.0;    // the same of wall clock
 };
 
-/// Classifies the state once and counts; runs nothing.
+/// Contact evaluations in one coarsest step with these levels.
+double evaluations(const core::LevelStatistics& levels);
+
+/// The gains that these levels bring.
+Prediction price(const core::LevelStatistics& levels, const UniformSteps& uniform);
+
+/// Steps through a few renewals, selectively and uniformly, on steppers that are thrown away, and prices what is counted there.
+/// A state in which most is still to happen, as before a filling, tells little of what follows.
 Prediction predict(const core::State& state, const core::StepperSetup& setup);
+
+/// Whether selective steps are expected to take less wall clock than uniform ones with events of the same accuracy.
+inline bool pays(const Prediction& prediction) { return prediction.wall_gain >= 1.0; }
+
+/// The longest uniform step [s], within a fifth, that the classes' expected error allows at the tolerance of `setup`; at
+/// most the coarsest step and what uniform steps take without a given one, at least the finest step of the longest ladder.
+double equally_accurate_step(const core::State& state, const core::StepperSetup& setup);
 
 }  // namespace grainclock::multirate

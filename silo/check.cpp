@@ -90,9 +90,13 @@ void add_levels(Report& report, const core::State& state, const StepperSetup& se
   levels.add("balls", "balls", std::vector<double>(prediction.balls.begin(), prediction.balls.end()));
   levels.add("contacts", "contacts", std::vector<double>(prediction.contacts.begin(), prediction.contacts.end()));
   levels.add("ideal_gain", "ideal gain", prediction.ideal_gain);
-  levels.add("predicted_gain", "predicted gain", prediction.gain);
-  if (prediction.gain < 1.0)
-    levels.warn("multi-rate will not pay in this state; stepping.method = \"uniform\" at the finest step costs less");
+  levels.add("uniform_step", "uniform steps as accurate", prediction.uniform_step, "s");
+  levels.add("predicted_gain", "predicted gain over those, contact evaluations", prediction.gain);
+  levels.add("predicted_wall_gain", "predicted gain over those, wall clock", prediction.wall_gain);
+  if (!pays(prediction))
+    levels.warn(fmt::format("multi-rate will not pay in this state: uniform steps of {:.3g} s should be as accurate and take {:.2g} "
+                            "of its time; set stepping.method = \"uniform\" with stepping.step = {:.3g}, or stepping.fallback = true",
+                            prediction.uniform_step, prediction.wall_gain, prediction.uniform_step));
   report.add("levels", "levels", levels);
 }
 

@@ -38,6 +38,9 @@ State fresh(State state) {
   state.evaluated_position.clear();
   state.evaluated_velocity.clear();
   state.level.clear();
+  state.dashpot_i.clear();
+  state.dashpot_j.clear();
+  state.dashpot_force.clear();
   return state;
 }
 
@@ -60,9 +63,9 @@ StepperSetup phase_setup(const Scene& scene, const Phase& phase, const State& st
   setup.stepping.step = core::step_for(phase.every, wanted).step;
   if (setup.stepping.method == core::Method::multirate && setup.stepping.fallback) {
     const multirate::Prediction prediction = multirate::predict(state, setup);
-    if (prediction.gain <= 1.0) {
+    if (!pays(prediction)) {
       setup.stepping.method = core::Method::uniform;
-      if (!prediction.step.empty()) setup.stepping.step = core::step_for(phase.every, prediction.step.front()).step;
+      setup.stepping.step = core::step_for(phase.every, prediction.uniform_step).step;
     }
   }
   return setup;

@@ -149,7 +149,7 @@ class Run {
     fmt::print("\nphase {} of {}, from {:.6g} s\n{}", at_.phase + 1, scene_.phases.size(), at_.phase_start,
                report.text(2));
     if (at_.fell_back != 0) {
-      fmt::print("  selective steps would not pay here: uniform steps of {:.4g} s instead (stepping.fallback)\n", at_.step);
+      fmt::print("  multi-rate will not pay here: uniform steps of {:.4g} s instead (stepping.fallback)\n", at_.step);
     }
     std::fflush(stdout);
   }

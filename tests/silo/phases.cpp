@@ -2,6 +2,8 @@
 
 #include "core/check.hpp"
 #include "core/critical_step.hpp"
+#include "multirate/cost_model.hpp"
+#include "silo/check.hpp"
 #include "silo/checkpoint.hpp"
 #include "tests/support/scratch.hpp"
 
@@ -9,6 +11,7 @@ namespace grainclock::silo {
 namespace {
 
 using core::Phase;
+using core::StepperSetup;
 using core::Until;
 
 constexpr double kGravity = 10.0, kStep = 0.01;  // m/s2, s
@@ -90,21 +93,30 @@ TEST(PhaseSetup, FallsBackToUniformStepsOnlyWhereSelectiveOnesDoNotPay) {
   core::Scene scene;
   Phase phase;
   phase.every = 0.1;
-  phase.stepping.fallback = true;
-  phase.stepping.levels = 1;
-  core::State pair;  // one contact at one level: nothing to select
-  pair.add(0, core::Kind::content, core::Vec3(0, 0, 0), core::Vec3::Zero(), 0.22);
-  pair.add(1, core::Kind::content, core::Vec3(0.4399, 0, 0), core::Vec3::Zero(), 0.22);
-  EXPECT_EQ(phase_setup(scene, phase, pair, 1).stepping.method, core::Method::uniform);
+  phase.stepping.levels = 12;
+  core::State pairs;  // all alike: nothing to select
+  for (core::BallId k = 0; k < 500; ++k) {
+    const double y = 2.0 * static_cast<double>(k);  // m
+    pairs.add(2 * k, core::Kind::content, core::Vec3(0, y, 0), core::Vec3::Zero(), 0.22);
+    pairs.add(2 * k + 1, core::Kind::content, core::Vec3(0.4399, y, 0), core::Vec3::Zero(), 0.22);
+  }
+  core::State mixed = pairs;  // a small ball presses on a stiff wall ball: it alone steps finely
+  mixed.add(1000, core::Kind::content, core::Vec3(5, 0, 0), core::Vec3::Zero(), 0.0275);
+  mixed.add(1001, core::Kind::wall, core::Vec3(5, 0, -0.24749), core::Vec3::Zero(), 0.22);
+  for (const bool fallback : {false, true}) {
+    phase.stepping.fallback = fallback;
+    const StepperSetup setup = phase_setup(scene, phase, pairs, 1);
+    EXPECT_EQ(setup.stepping.method, fallback ? core::Method::uniform : core::Method::multirate);
+    EXPECT_EQ(phase_setup(scene, phase, mixed, 1).stepping.method, core::Method::multirate);
+    const std::string said = phase_report(phase, pairs, setup).text();
+    EXPECT_EQ(said.find("multi-rate will not pay") != std::string::npos, !fallback) << said;
+    EXPECT_EQ(phase_report(phase, mixed, phase_setup(scene, phase, mixed, 1)).text().find("will not pay"), std::string::npos);
+  }
   phase.stepping.fallback = false;
-  EXPECT_EQ(phase_setup(scene, phase, pair, 1).stepping.method, core::Method::multirate);
+  const StepperSetup selective = phase_setup(scene, phase, pairs, 1);
   phase.stepping.fallback = true;
-  phase.stepping.levels = 8;
-  core::State mixed = pair;  // a third ball far away presses on a stiff wall ball: it alone steps finely
-  mixed.add(2, core::Kind::content, core::Vec3(5, 0, 0), core::Vec3::Zero(), 0.22);
-  mixed.add(3, core::Kind::wall, core::Vec3(5, 0, -0.43999), core::Vec3::Zero(), 0.22);
-  mixed.add(4, core::Kind::content, core::Vec3(0.8798, 0, 0), core::Vec3::Zero(), 0.22);
-  EXPECT_EQ(phase_setup(scene, phase, mixed, 1).stepping.method, core::Method::multirate);
+  EXPECT_EQ(*phase_setup(scene, phase, pairs, 1).stepping.step,
+            core::step_for(phase.every, multirate::equally_accurate_step(pairs, selective)).step);
 }
 
 Checkpoint some_checkpoint() {
