@@ -20,7 +20,8 @@ constexpr int kWidth = 2;
 typedef double Real [[gnu::vector_size(8 * kWidth)]];
 typedef std::int64_t Int [[gnu::vector_size(8 * kWidth)]];
 typedef double RealOut [[gnu::vector_size(8 * kWidth), gnu::aligned(8)]];  // where arrays are only element-aligned
-typedef std::int64_t IntOut [[gnu::vector_size(8 * kWidth), gnu::aligned(8)]];
+typedef float Single [[gnu::vector_size(4 * kWidth)]];
+typedef float SingleOut [[gnu::vector_size(4 * kWidth), gnu::aligned(4)]];
 typedef double Real4 [[gnu::vector_size(32)]];
 typedef std::int64_t Int4 [[gnu::vector_size(32)]];
 
@@ -179,6 +180,27 @@ GC_INLINE void store_rows(Int x, Int y, Int z, IntVec* out) {
   rows[1] = __builtin_shuffle(z, zero, low);
   rows[2] = __builtin_shuffle(x, y, high);
   rows[3] = __builtin_shuffle(z, zero, high);
+#endif
+}
+
+/// Writes the vectors of a group as one row per pair.
+GC_INLINE void store_directions(Single x, Single y, Single z, Single speed, PairDirection* out) {
+#if defined(__AVX512F__)
+  const Single xy0 = __builtin_shufflevector(x, y, 0, 8, 1, 9, 4, 12, 5, 13);
+  const Single xy2 = __builtin_shufflevector(x, y, 2, 10, 3, 11, 6, 14, 7, 15);
+  const Single zs0 = __builtin_shufflevector(z, speed, 0, 8, 1, 9, 4, 12, 5, 13);
+  const Single zs2 = __builtin_shufflevector(z, speed, 2, 10, 3, 11, 6, 14, 7, 15);
+  const Single row04 = __builtin_shufflevector(xy0, zs0, 0, 1, 8, 9, 4, 5, 12, 13);
+  const Single row15 = __builtin_shufflevector(xy0, zs0, 2, 3, 10, 11, 6, 7, 14, 15);
+  const Single row26 = __builtin_shufflevector(xy2, zs2, 0, 1, 8, 9, 4, 5, 12, 13);
+  const Single row37 = __builtin_shufflevector(xy2, zs2, 2, 3, 10, 11, 6, 7, 14, 15);
+  SingleOut* rows = reinterpret_cast<SingleOut*>(out);
+  rows[0] = __builtin_shufflevector(row04, row15, 0, 1, 2, 3, 8, 9, 10, 11);
+  rows[1] = __builtin_shufflevector(row26, row37, 0, 1, 2, 3, 8, 9, 10, 11);
+  rows[2] = __builtin_shufflevector(row04, row15, 4, 5, 6, 7, 12, 13, 14, 15);
+  rows[3] = __builtin_shufflevector(row26, row37, 4, 5, 6, 7, 12, 13, 14, 15);
+#else
+  for (int k = 0; k < kWidth; ++k) out[k] = {x[k], y[k], z[k], speed[k]};
 #endif
 }
 
@@ -406,14 +428,10 @@ void record_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, cons
   const bool both = law.both;
   LaneTotals weighted, single;
   const auto see = [&](std::size_t p, const Evaluated& e) GC_INLINE_LAMBDA {
-    *reinterpret_cast<RealOut*>(out.overlap + p) = e.overlap;
-    *reinterpret_cast<RealOut*>(out.rate + p) = e.rate;
-    *reinterpret_cast<RealOut*>(out.speed + p) = e.speed;
-    alignas(64) IntVec normal[kWidth];
-    store_rows((Int)e.nx, (Int)e.ny, (Int)e.nz, normal);
-    for (int s = 0; s < kWidth; ++s) {
-      reinterpret_cast<Int4*>(out.normal)[p + kSlotPair[s]] = reinterpret_cast<const Int4*>(normal)[s];
-    }
+    const auto rounded = [](Real v) GC_INLINE_LAMBDA { return __builtin_convertvector(v, Single); };
+    *reinterpret_cast<SingleOut*>(out.overlap + p) = rounded(e.overlap);
+    *reinterpret_cast<SingleOut*>(out.rate + p) = rounded(e.rate);
+    store_directions(rounded(e.nx), rounded(e.ny), rounded(e.nz), rounded(e.speed), out.direction + p);
     if constexpr (kSum) {
       Int weight;
       for (int k = 0; k < kWidth; ++k) weight[k] = weight_of(level[p + k]);

@@ -37,16 +37,17 @@ struct SweepTotals {
   bool overloaded = false;             // a force beyond the limit, an overlap beyond a quarter of the radii, or a NaN
   SweepTotals& operator+=(const SweepTotals& other);
 };
-/// A unit vector.
-struct alignas(32) Normal {
-  double x, y, z, unused;
+/// Where a pair points, and how fast its balls move against each other.
+struct alignas(16) PairDirection {
+  float x, y, z;  // unit vector from j to i
+  float speed;    // m/s, relative
 };
-/// What classification needs of each pair, pair by pair; room for whole vectors.
+/// What classification needs of each pair, pair by pair; room for whole vectors. Seven digits will do for that, and a
+/// renewal has to write and read them all.
 struct PairRecords {
-  double* overlap;  // m
-  double* rate;     // m/s
-  double* speed;    // m/s, relative speed
-  Normal* normal;   // from j to i
+  float* overlap;  // m
+  float* rate;     // m/s
+  PairDirection* direction;
 };
 
 /// Level of a pair that has no weight, instead of 2^level: it adds to force sums only.

@@ -5,9 +5,13 @@
 namespace grainclock::multirate {
 namespace {
 
+typedef double Real4 [[gnu::vector_size(32)]];
 typedef double Real8 [[gnu::vector_size(64)]];
+typedef std::int64_t Int4 [[gnu::vector_size(32)]];
 typedef std::int64_t Int8 [[gnu::vector_size(64)]];
+typedef float Single4 [[gnu::vector_size(16)]];
 constexpr std::size_t kBlock = 64;  // pairs
+constexpr std::int64_t kSign = INT64_MIN;
 
 /// What a block's pairs need of their balls, gathered one by one for the loop over all of them.
 struct Gathered {
@@ -16,95 +20,105 @@ struct Gathered {
   double room[kBlock];          // m, both margins
 };
 struct Judged {
-  double smooth4[kBlock], impact4[kBlock];  // 1/s4, of each pair
-  double scale[kBlock];                     // of its normal matrix
+  double urgency4[kBlock][2];  // 1/s4, of each pair if it is smooth, and if it is an impact
+  double scale[kBlock];        // of its normal matrix
   bool asks[kBlock];
 };
+
+/// x, y, z and the speed.
+Real4 wide(const core::PairDirection& d) { return __builtin_convertvector(*reinterpret_cast<const Single4*>(&d), Real4); }
 
 template <bool kBoth>
 void gather(const core::PairSpan& pairs, const core::PairRecords& book, const core::Path* paths, const double* margin,
             std::size_t first, std::size_t n, Gathered& out) {
   for (std::size_t q = 0; q < n; ++q) {
     const std::size_t p = first + q;
-    const core::Path& a = paths[pairs.i[p]];
-    const core::Normal& normal = book.normal[p];
+    // Accelerations are subtracted, inverse masses added.
+    Real4 path = *reinterpret_cast<const Real4*>(paths + pairs.i[p]);
+    out.room[q] = margin[pairs.i[p]];
     if constexpr (kBoth) {
-      const core::Path& b = paths[pairs.j[p]];
-      out.acceleration[q] = (a.ax - b.ax) * normal.x + (a.ay - b.ay) * normal.y + (a.az - b.az) * normal.z;
-      out.inverse_mass[q] = a.inverse_mass + b.inverse_mass;
-      out.room[q] = margin[pairs.i[p]] + margin[pairs.j[p]];
-    } else {
-      out.acceleration[q] = a.ax * normal.x + a.ay * normal.y + a.az * normal.z;
-      out.inverse_mass[q] = a.inverse_mass;
-      out.room[q] = margin[pairs.i[p]];
+      path -= (Real4)(*reinterpret_cast<const Int4*>(paths + pairs.j[p]) ^ Int4{0, 0, 0, kSign});
+      out.room[q] += margin[pairs.j[p]];
     }
+    const Real4 along = path * wide(book.direction[p]);
+    out.acceleration[q] = along[0] + along[1] + along[2];
+    out.inverse_mass[q] = path[3];
   }
 }
 
 void judge(const core::PairRecords& book, const NeedParameters& w, std::size_t first, std::size_t n, const Gathered& in,
            Level* level, Judged& out) {
-  const double* overlap = book.overlap + first;
-  const double* rate = book.rate + first;
-  const double* speed = book.speed + first;
+  const float* overlaps = book.overlap + first;
+  const float* rates = book.rate + first;
+  const core::PairDirection* directions = book.direction + first;
 #pragma GCC ivdep
   for (std::size_t q = 0; q < n; ++q) {
-    const double gap = -overlap[q] - w.reach;
-    const double approach = rate[q] > 0.0 ? rate[q] : 0.0;
-    const bool is_skipped = gap > speed[q] * w.interval + in.room[q];
+    const double overlap = overlaps[q], rate = rates[q], speed = directions[q].speed;
+    const double gap = -overlap - w.reach;
+    const double approach = rate > 0.0 ? rate : 0.0;
+    const bool is_skipped = gap > speed * w.interval + in.room[q];
     const bool asks = !is_skipped && !(gap > kAccelerating * approach * w.interval + w.soon);
-    const PairMotion motion = motion_of(overlap[q], rate[q], in.acceleration[q], w.k * in.inverse_mass[q], w.speed2);
+    const PairMotion motion = motion_of(overlap, rate, in.acceleration[q], w.k * in.inverse_mass[q], w.speed2);
     level[first + q] = is_skipped ? kSkipped : Level{0};
     out.asks[q] = asks;
-    out.smooth4[q] = motion.is_impact ? 0.0 : motion.urgency4;
-    out.impact4[q] = motion.is_impact ? motion.urgency4 : 0.0;
+    out.urgency4[q][0] = motion.is_impact ? 0.0 : motion.urgency4;
+    out.urgency4[q][1] = motion.is_impact ? motion.urgency4 : 0.0;
     out.scale[q] = in.inverse_mass[q] * w.per_unit;
   }
 }
 
 /// The entries of NormalMatrix::of() and the urgencies.
-Real8 ask_of(const core::Normal& n, double scale, double smooth4, double impact4) {
-  const double sx = scale * n.x, sy = scale * n.y, sz = scale * n.z;
-  const Real8 products = Real8{sx, sy, sz, sx, sx, sy, 0.0, 0.0} * Real8{n.x, n.y, n.z, n.y, n.z, n.z, 0.0, 0.0};
+Real8 ask_of(const core::PairDirection& direction, double scale, const double* urgency4) {
+  const Real4 n = wide(direction), scaled = scale * n;
+  const Real8 products = __builtin_shufflevector(scaled, scaled, 0, 1, 2, 0, 0, 1, 3, 3) *
+                         __builtin_shufflevector(n, n, 0, 1, 2, 1, 2, 2, 3, 3);
   const Real8 whole = (products + kWholeNumber) - kWholeNumber;
-  const Real8 urgencies = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, smooth4, impact4};
+  const Real8 urgencies = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, urgency4[0], urgency4[1]};
   return Int8{0, 0, 0, 0, 0, 0, -1, -1} != 0 ? urgencies : whole;
 }
 
-void add(Real8& need, Real8 ask) {
+void add(Need& to, Real8 ask) {
+  Real8& need = *reinterpret_cast<Real8*>(&to);
   const Real8 larger = need > ask ? need : ask;
   need = Int8{0, 0, 0, 0, 0, 0, -1, -1} != 0 ? larger : need + ask;
 }
 
 template <bool kBoth>
 void add_block(const core::PairSpan& pairs, const core::PairRecords& book, std::size_t first, std::size_t n,
-               const Judged& judged, Need* needs) {
+               const Judged& judged, Need* needs, std::uint32_t first_row) {
+  // Those that ask in a row of their own: which do follows no pattern.
+  std::size_t asking[kBlock], count = 0;
   for (std::size_t q = 0; q < n; ++q) {
-    if (!judged.asks[q]) continue;
-    const std::size_t p = first + q;
-    const Real8 ask = ask_of(book.normal[p], judged.scale[q], judged.smooth4[q], judged.impact4[q]);
-    add(*reinterpret_cast<Real8*>(needs + pairs.i[p]), ask);
-    if constexpr (kBoth) add(*reinterpret_cast<Real8*>(needs + pairs.j[p]), ask);
+    asking[count] = q;
+    count += judged.asks[q] ? 1 : 0;
+  }
+  for (std::size_t c = 0; c < count; ++c) {
+    const std::size_t q = asking[c], p = first + q;
+    const Real8 ask = ask_of(book.direction[p], judged.scale[q], judged.urgency4[q]);
+    add(needs[pairs.i[p] - first_row], ask);
+    if constexpr (kBoth) add(needs[pairs.j[p] - first_row], ask);
   }
 }
 
 template <bool kBoth>
 void add_needs_of(const core::PairSpan& pairs, const core::PairRecords& book, const core::Path* paths,
-                  const double* margin, const NeedParameters& with, Level* level, Need* needs, std::size_t begin,
-                  std::size_t end) {
+                  const double* margin, const NeedParameters& with, Level* level, Need* needs, std::uint32_t first_row,
+                  std::size_t begin, std::size_t end) {
   Gathered gathered;
   Judged judged;
   for (std::size_t first = begin; first < end; first += kBlock) {
     const std::size_t n = end - first < kBlock ? end - first : kBlock;
     gather<kBoth>(pairs, book, paths, margin, first, n, gathered);
     judge(book, with, first, n, gathered, level, judged);
-    add_block<kBoth>(pairs, book, first, n, judged, needs);
+    add_block<kBoth>(pairs, book, first, n, judged, needs, first_row);
   }
 }
 
 void add_needs(core::PairSpan pairs, const core::PairRecords& book, const core::Path* paths, const double* margin,
-               const NeedParameters& with, Level* level, Need* needs, std::size_t begin, std::size_t end) {
-  if (with.both) add_needs_of<true>(pairs, book, paths, margin, with, level, needs, begin, end);
-  else add_needs_of<false>(pairs, book, paths, margin, with, level, needs, begin, end);
+               const NeedParameters& with, Level* level, Need* needs, std::uint32_t first_row, std::size_t begin,
+               std::size_t end) {
+  if (with.both) add_needs_of<true>(pairs, book, paths, margin, with, level, needs, first_row, begin, end);
+  else add_needs_of<false>(pairs, book, paths, margin, with, level, needs, first_row, begin, end);
 }
 
 #define GC_PASTE_(a, b) a##b

@@ -45,6 +45,8 @@ constexpr double kMargin = 2.4e-3; // mean diameters that a ball may stray from 
 constexpr double kAhead = 1.1 * kAccelerating;  // intervals between renewals that lists look ahead
 constexpr double kSoon = 2.5e-4;   // mean diameters: gaps below it count as about to close
 constexpr std::size_t kWorthThreads = 1024;  // pairs or balls
+constexpr std::uint32_t kRowsAtOnce = 128;   // rows whose needs from fixed balls are found together
+constexpr double kReachRoom = 1.0 + 1e-6;    // recorded overlaps are rounded to seven digits
 // Speeds below these shares of sqrt(g d) and of omega d need not be resolved relative to themselves.
 constexpr double kQuiet = 0.05, kStill = 1e-6;
 constexpr int kMostCoarseSteps = 6;     // between regular renewals
@@ -60,6 +62,7 @@ double eased_impact4(double impact4, double smooth4) {
 /// Contacts of one level, contiguous.
 struct Batch {
   PairList ball, fixed;
+  PairList& pairs(bool with_fixed) { return with_fixed ? fixed : ball; }
 };
 
 /// Pairs that change level at a renewal, whole vectors.
@@ -84,7 +87,7 @@ struct ChangedPairs {
   }
 };
 
-using LevelCount = std::array<std::size_t, kMostLevels>;
+using LevelCount = std::array<std::size_t, kMostLevels + 1>;  // the last: skipped
 
 /// Lowers a level that several threads may lower at once.
 void lower(Level& level, Level to) {
@@ -93,11 +96,6 @@ void lower(Level& level, Level to) {
   while (to < now && !shared.compare_exchange_weak(now, to, std::memory_order_relaxed)) {
   }
 }
-
-/// Of pairs with balls and with fixed balls.
-struct Needs {
-  std::vector<Need> of[2];
-};
 
 /// 1/s4, what a ball's smooth pairs and its impacts ask of its step, see classes.hpp.
 struct Urgency {
@@ -132,6 +130,7 @@ class MultirateStepper final : public core::BallStepper {
         needs_(static_cast<std::size_t>(threads_)),
         beyond_(static_cast<std::size_t>(threads_)),
         level_pairs_(static_cast<std::size_t>(threads_)),
+        changed_(static_cast<std::size_t>(threads_)),
         batches_(static_cast<std::size_t>(ladder_.levels())),
         drifting_(static_cast<std::size_t>(ladder_.levels())),
         balls_at_(static_cast<std::size_t>(ladder_.levels())),
@@ -398,11 +397,7 @@ class MultirateStepper final : public core::BallStepper {
       examine(t, listed(fixed), found, law(fixed, step_),
               [&](std::uint32_t p) { return book.level[p] == kSkipped ? 0.0 : ladder_.step(book.level[p]); });
     });
-    for (const PairBook& book : books_) {
-      for (std::size_t p = 0; p < book.level.size(); ++p) {
-        costs_.missed_contacts += book.level[p] == kSkipped && book.overlap[p] > 0.0 ? 1 : 0;
-      }
-    }
+    for (const PairBook& book : books_) costs_.missed_contacts += book.skipped_contacts();
     book(half.ball, half.fixed, half.seconds);
     opened_ = {half};
   }
@@ -483,64 +478,73 @@ class MultirateStepper final : public core::BallStepper {
     choose_levels();
     limit_levels(level_, list_.ball_pairs().span(), list_.ball_pairs().count, setup_.stepping.limiter,
                  [&](std::size_t p) { return books_[0].level[p] != kSkipped; }, beyond_);
-    make_batches();
-    open_at_levels(is_new);
+    open_balances(is_new);
+    drift_level_.assign(level_.begin(), level_.end());
+    for (const bool fixed : {false, true}) {
+      sort_pairs(fixed);
+      reweigh_changed(fixed);
+    }
+    sort_balls();
     renewed_at_ = steps_done_;
   }
 
-  /// Needs of balls from their pairs; marks pairs that cannot touch before the next renewal.
+  NeedParameters need_parameters(bool fixed) const {
+    const core::ContactLaw its = law(fixed, 0.0).law;
+    return {its.k, its.reach, interval_, kSoon * length_scale_, speed2_, 1.0 / (largest_inverse_mass_ * kMatrixUnit), !fixed};
+  }
+
+  /// Needs of balls from their pairs with each other; marks pairs that cannot touch before the next renewal.
   void find_needs() {
     speed2_ = mean_square_speed();
     largest_inverse_mass_ = 0.0;
     for (const double inverse : balls_.inverse_mass) largest_inverse_mass_ = std::max(largest_inverse_mass_, inverse);
-    share_work(threads_, [this](int t) {
-      for (const bool fixed : {false, true}) {
-        std::vector<Need>& needs = needs_[static_cast<std::size_t>(t)].of[fixed];
-        needs.assign(balls_.content_count(), Need{});
-        PairBook& book = books_[fixed];
-        const core::ContactLaw its = law(fixed, 0.0).law;
-        const NeedParameters with{its.k, its.reach, interval_, kSoon * length_scale_, speed2_,
-                                  1.0 / (largest_inverse_mass_ * kMatrixUnit), !fixed};
-        const std::size_t count = listed(fixed).count;
-        add_needs_(listed(fixed).span(), book.records(0), paths_.data(), margin_.data(), with, book.level.data(),
-                   needs.data(), count * t / threads_, count * (t + 1) / threads_);
-        std::fill(book.level.begin() + static_cast<std::ptrdiff_t>(count), book.level.end(), kSkipped);
-      }
+    PairBook& book = books_[false];
+    const std::size_t count = listed(false).count;
+    share_work(threads_, [&](int t) {
+      add_needs_(listed(false).span(), book.records(0), paths_.data(), margin_.data(), need_parameters(false), book.level.data(),
+                 needs_[static_cast<std::size_t>(t)].data(), 0, count * t / threads_, count * (t + 1) / threads_);
     });
   }
 
-  /// Each ball's level from what its pairs need, before the limiter.
+  /// Each ball's level from what its pairs need, before the limiter. Clears the needs.
   void choose_levels() {
     const core::ContactLaw ball = law(false, 0.0).law, fixed = law(true, 0.0).law;
+    const NeedParameters with_fixed = need_parameters(true);
+    const PairList& pairs = listed(true);
+    PairBook& book = books_[true];
     before_.swap(level_);
     level_.resize(before_.size());
     share_balls([&](std::uint32_t begin, std::uint32_t end) {
+      // The pairs with fixed balls are few and in order of their balls: a few rows at a time, in the cache.
+      const auto first_of = [&](std::uint32_t row) {
+        const auto its = pairs.i.begin();
+        return static_cast<std::size_t>(std::lower_bound(its, its + static_cast<std::ptrdiff_t>(pairs.count), row) - its);
+      };
+      std::array<Need, kRowsAtOnce> of_fixed{};
       for (std::uint32_t row = begin; row < end; ++row) {
-        const ContactMatrix matrix{matrix_of(row, false), matrix_of(row, true)};
+        Need& its_fixed = of_fixed[(row - begin) % kRowsAtOnce];
+        if ((row - begin) % kRowsAtOnce == 0) {
+          add_needs_(pairs.span(), book.records(0), paths_.data(), margin_.data(), with_fixed, book.level.data(), of_fixed.data(), row,
+                     first_of(row), first_of(std::min(row + kRowsAtOnce, end)));
+        }
+        ContactMatrix matrix;
+        Urgency& urgency = urgency_[row] = {};
+        const auto take = [&urgency](Need& need, NormalMatrix& sum) {
+          for (int k = 0; k < 6; ++k) sum.entry[k] += need.matrix[k];
+          urgency.smooth4 = std::max(urgency.smooth4, need.smooth4);
+          urgency.impact4 = std::max(urgency.impact4, need.impact4);
+          need = {};
+        };
+        for (std::vector<Need>& part : needs_) take(part[row], matrix.ball);
+        take(its_fixed, matrix.fixed);
+        urgency.impact4 = eased_impact4(urgency.impact4, urgency.smooth4);
         Level level = ladder_.coarsest();
         while (level > 0 && !is_stable(matrix, ladder_.step(level), ball, fixed, largest_inverse_mass_)) --level;
         level_[row] = level;
-        Urgency& urgency = urgency_[row] = {};
-        for (const Needs& part : needs_) {
-          for (const std::vector<Need>& needs : part.of) {
-            urgency.smooth4 = std::max(urgency.smooth4, needs[row].smooth4);
-            urgency.impact4 = std::max(urgency.impact4, needs[row].impact4);
-          }
-        }
-        urgency.impact4 = eased_impact4(urgency.impact4, urgency.smooth4);
       }
     });
     share_error(kSmoothError, &Urgency::smooth4);
     share_error(kImpactError, &Urgency::impact4);
-  }
-
-  /// What the threads have found of a ball's contacts of one kind.
-  NormalMatrix matrix_of(std::uint32_t row, bool fixed) const {
-    NormalMatrix sum;
-    for (const Needs& part : needs_) {
-      for (int k = 0; k < 6; ++k) sum.entry[k] += part.of[fixed][row].matrix[k];
-    }
-    return sum;
   }
 
   /// Makes balls finer until the expected error from these urgencies is the tolerance.
@@ -581,87 +585,96 @@ class MultirateStepper final : public core::BallStepper {
     return std::max({core::order_free_sum(n, square) / std::max(1.0, static_cast<double>(n)), quiet, still * still});
   }
 
-  /// Sorts contacts by level and balls by the finest level at which they take part.
-  void make_batches() {
-    const std::uint32_t n = balls_.content_count();
-    drift_level_.assign(level_.begin(), level_.end());
-    for (const bool fixed : {false, true}) {
-      const PairList& pairs = listed(fixed);
-      std::vector<Level>& pair_level = books_[fixed].level;
-      const auto begin_of = [&](int t) { return pairs.count * static_cast<std::size_t>(t) / static_cast<std::size_t>(threads_); };
-      share_work(threads_, [&](int t) {
-        LevelCount& count = level_pairs_[static_cast<std::size_t>(t)];
-        count.fill(0);
-        for (std::size_t p = begin_of(t); p < begin_of(t + 1); ++p) {
-          if (pair_level[p] == kSkipped) continue;
-          const std::uint32_t i = pairs.i[p], j = fixed ? i : pairs.j[p];
-          const Level level = std::min(level_[i], level_[j]);
-          pair_level[p] = level;
-          lower(drift_level_[i], level);
-          lower(drift_level_[j], level);
-          ++count[level];
-        }
-      });
-      // Where each thread's pairs of a level begin in that level's batch.
-      for (Level l = 0; l < ladder_.levels(); ++l) {
-        std::size_t total = 0;
-        for (LevelCount& count : level_pairs_) total += std::exchange(count[l], total);
-        PairList& batch = fixed ? batches_[l].fixed : batches_[l].ball;
-        batch.i.resize(total);
-        batch.j.resize(total);
-      }
-      share_work(threads_, [&](int t) {
-        std::array<std::pair<std::uint32_t*, std::uint32_t*>, kMostLevels> next{};
-        for (Level l = 0; l < ladder_.levels(); ++l) {
-          PairList& batch = fixed ? batches_[l].fixed : batches_[l].ball;
-          const std::size_t first = level_pairs_[static_cast<std::size_t>(t)][l];
-          next[l] = {batch.i.data() + first, batch.j.data() + first};
-        }
-        for (std::size_t p = begin_of(t); p < begin_of(t + 1); ++p) {
-          if (pair_level[p] == kSkipped) continue;
-          auto& [to_i, to_j] = next[pair_level[p]];
-          *to_i++ = pairs.i[p];
-          *to_j++ = pairs.j[p];
-        }
-      });
-      for (Batch& batch : batches_) (fixed ? batch.fixed : batch.ball).finish(balls_.far_row());
-    }
-    for (auto& rows : drifting_) rows.clear();
-    level_count_.assign(static_cast<std::size_t>(ladder_.levels()), 0);
-    finest_ = ladder_.coarsest();
-    for (std::uint32_t row = 0; row < n; ++row) {
-      drifting_[drift_level_[row]].push_back(row);
-      ++level_count_[level_[row]];
-      finest_ = std::min(finest_, drift_level_[row]);
-    }
-  }
-
-  /// Balances and ledger of steps that all begin now. What the last kick and evaluation left holds for pairs and balls that
-  /// keep their levels; the others' forces are evaluated again where they were. `is_new`: that is all of them.
-  void open_at_levels(bool is_new) {
+  /// Balances of steps that all begin now, as far as the force goes that a ball's path takes as constant. What the last kick
+  /// left holds for balls that keep their levels.
+  void open_balances(bool is_new) {
     if (is_new) opened_ = {Opened{{}, {}, 0.5 * ladder_.tick()}};
     share_balls([&](std::uint32_t begin, std::uint32_t end) {
       for (std::uint32_t row = begin; row < end; ++row) {
-        const std::int64_t had = is_new ? 0 : std::int64_t{2} << before_[row], has = std::int64_t{2} << level_[row];
         if (is_new) balance_[row] = {};
-        if (had == has) continue;
+        if (before_[row] == level_[row] && !is_new) continue;
+        const std::int64_t had = is_new ? 0 : std::int64_t{2} << before_[row], has = std::int64_t{2} << level_[row];
         for (int k = 0; k < 3; ++k) balance_[row].v[k] += (had - has) * paths_[row].opening.v[k];
       }
     });
-    for (const bool fixed : {false, true}) {
-      const PairList& pairs = listed(fixed);
-      const PairBook& book = books_[fixed];
-      const core::SweepLaw its = law(fixed, step_);
-      changed_.clear();
-      for (std::size_t p = 0; p < pairs.count; ++p) {
-        const bool has_force = book.overlap[p] >= -its.law.reach;
-        if (has_force && book.before[p] != book.level[p]) changed_.add(pairs.i[p], pairs.j[p], book.before[p], book.level[p]);
+  }
+
+  /// Sorts contacts by level, lowers the levels at which their balls take part, and notes pairs that change level.
+  void sort_pairs(bool fixed) {
+    const PairList& pairs = listed(fixed);
+    PairBook& book = books_[fixed];
+    // Pairs that are skipped are sorted, too, but nowhere: which are follows no pattern.
+    const auto bin_of = [](Level level) { return std::min<std::size_t>(level, kMostLevels); };
+    const auto begin_of = [&](int t) { return pairs.count * static_cast<std::size_t>(t) / static_cast<std::size_t>(threads_); };
+    share_work(threads_, [&](int t) {
+      LevelCount& count = level_pairs_[static_cast<std::size_t>(t)];
+      count.fill(0);
+      for (std::size_t p = begin_of(t); p < begin_of(t + 1); ++p) {
+        const std::uint32_t i = pairs.i[p], j = fixed ? i : pairs.j[p];
+        const Level level = std::max(book.level[p], std::min(level_[i], level_[j]));  // skipped, or 0 so far
+        book.level[p] = level;
+        lower(drift_level_[i], level);
+        if (!fixed) lower(drift_level_[j], level);
+        ++count[bin_of(level)];
       }
-      changed_.finish(balls_.far_row());
-      costs_.contact_evaluations += changed_.pairs.count;
-      Opened& half = opened_.front();
-      setup_.kernels->reweigh(evaluated_.data(), changed_.pairs.span(), its, changed_.from.data(),
-                              changed_.to.data(), balance_.data(), fixed ? half.fixed : half.ball);
+    });
+    // Where each thread's pairs of a level begin in that level's batch.
+    for (Level l = 0; l < ladder_.levels(); ++l) {
+      std::size_t total = 0;
+      for (LevelCount& count : level_pairs_) total += std::exchange(count[l], total);
+      PairList& batch = batches_[l].pairs(fixed);
+      batch.i.resize(total);
+      batch.j.resize(total);
+    }
+    const double reach = kReachRoom * law(fixed, 0.0).law.reach;
+    share_work(threads_, [&](int t) {
+      struct Place {
+        std::uint32_t *i, *j;
+        std::size_t n, step;
+      };
+      std::uint32_t nowhere = 0;
+      std::array<Place, kMostLevels + 1> places;
+      places.fill({&nowhere, &nowhere, 0, 0});
+      for (Level l = 0; l < ladder_.levels(); ++l) {
+        PairList& batch = batches_[l].pairs(fixed);
+        places[l] = {batch.i.data(), batch.j.data(), level_pairs_[static_cast<std::size_t>(t)][l], 1};
+      }
+      ChangedPairs& changed = changed_[static_cast<std::size_t>(t)];
+      changed.clear();
+      for (std::size_t p = begin_of(t); p < begin_of(t + 1); ++p) {
+        const Level level = book.level[p];
+        Place& to = places[bin_of(level)];
+        to.i[to.n] = pairs.i[p];
+        to.j[to.n] = pairs.j[p];
+        to.n += to.step;
+        const bool has_force = book.overlap[p] >= -reach;
+        if (has_force && book.before[p] != level) changed.add(pairs.i[p], pairs.j[p], book.before[p], level);
+      }
+      changed.finish(balls_.far_row());
+    });
+    for (Batch& batch : batches_) batch.pairs(fixed).finish(balls_.far_row());
+  }
+
+  /// Balances and ledger of contact steps that all begin now. What the last evaluation left holds for pairs that keep their
+  /// levels; the others' forces are evaluated again where they were.
+  void reweigh_changed(bool fixed) {
+    Opened& half = opened_.front();
+    for (const ChangedPairs& changed : changed_) {
+      costs_.contact_evaluations += changed.pairs.count;
+      setup_.kernels->reweigh(evaluated_.data(), changed.pairs.span(), law(fixed, step_), changed.from.data(), changed.to.data(),
+                              balance_.data(), fixed ? half.fixed : half.ball);
+    }
+  }
+
+  /// Sorts balls by the finest level at which they take part.
+  void sort_balls() {
+    for (auto& rows : drifting_) rows.clear();
+    level_count_.assign(static_cast<std::size_t>(ladder_.levels()), 0);
+    finest_ = ladder_.coarsest();
+    for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
+      drifting_[drift_level_[row]].push_back(row);
+      ++level_count_[level_[row]];
+      finest_ = std::min(finest_, drift_level_[row]);
     }
   }
 
@@ -674,6 +687,7 @@ class MultirateStepper final : public core::BallStepper {
     expected_.resize(order.size());
     margin_.resize(order.size());
     urgency_.resize(order.size());
+    for (std::vector<Need>& needs : needs_) needs.assign(order.size(), Need{});
     for (const bool fixed : {false, true}) books_[fixed].begin(listed(fixed).i.size());
     balance_.resize(order.size() + std::size_t{1});  // the far row has one too
     sums_.assign(static_cast<std::size_t>(threads_) * stride(), core::WeightedSum{});
@@ -702,9 +716,10 @@ class MultirateStepper final : public core::BallStepper {
   std::vector<std::uint8_t> drifted_;       // per level: its rows have gone on to their next tick
   std::vector<SweepTotals> totals_;         // per thread
   std::vector<core::CandidateList> found_;  // per thread
-  std::vector<Needs> needs_;                // per thread
+  std::vector<std::vector<Need>> needs_;    // per thread, of pairs among balls; clear between renewals
   PairsBeyond beyond_;                      // per thread
   std::vector<LevelCount> level_pairs_;     // per thread
+  std::vector<ChangedPairs> changed_;       // per thread, of one kind
   std::vector<core::Path> paths_;
   std::vector<IntVec> balance_;      // force units times half ticks
   std::vector<Level> level_;         // of balls: their own steps
@@ -715,7 +730,6 @@ class MultirateStepper final : public core::BallStepper {
   std::vector<Batch> batches_;           // per level
   std::vector<std::vector<std::uint32_t>> drifting_;  // rows per drift level
   PairBook books_[2];                    // among balls, with fixed balls
-  ChangedPairs changed_;
   std::vector<Urgency> urgency_;
   std::vector<double> strides4_;          // see shared_reach4()
   std::vector<Level> before_;             // levels of the balls before the present renewal

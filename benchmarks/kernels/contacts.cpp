@@ -50,8 +50,8 @@ void sweep_weighted(benchmark::State& run, const Kernels& kernel, const Scene& s
 /// Evaluates all pairs for a renewal; `summing` as at the end of a step, else as for a new list.
 void record(benchmark::State& run, const Kernels& kernel, const Scene& scene, bool summing) {
   const core::PairSpan pairs = scene.pairs(false).span();
-  std::vector<double> overlap(pairs.n), rate(pairs.n), speed(pairs.n);
-  std::vector<core::Normal> normal(pairs.n);
+  std::vector<float> overlap(pairs.n), rate(pairs.n);
+  std::vector<core::PairDirection> direction(pairs.n);
   const std::vector<std::uint8_t> level(pairs.n, kShift);
   std::vector<core::WeightedSum> sums(scene.balls.rows.size());
   core::CandidateList room;
@@ -60,7 +60,7 @@ void record(benchmark::State& run, const Kernels& kernel, const Scene& scene, bo
     Candidates found = room.room_for(pairs.n);
     SweepTotals totals;
     kernel.record(scene.balls.rows.data(), pairs, scene.law(false), level.data(),
-                  {overlap.data(), rate.data(), speed.data(), normal.data()}, summing ? sums.data() : nullptr, totals, found);
+                  {overlap.data(), rate.data(), direction.data()}, summing ? sums.data() : nullptr, totals, found);
     benchmark::DoNotOptimize(totals);
   });
 }

@@ -118,14 +118,14 @@ SweptWeighted sweep_weighted(const Kernels& kernel, const Rows& rows, bool fixed
 }
 
 struct Recorded {
-  std::vector<double> overlap, rate, speed;
-  std::vector<Normal> normal;
+  std::vector<float> overlap, rate;
+  std::vector<PairDirection> direction;
   std::vector<WeightedSum> sums;
   SweepTotals totals;
   std::vector<std::uint32_t> candidates;
   bool operator==(const Recorded& o) const {
-    return same_bits(overlap, o.overlap) && same_bits(rate, o.rate) && same_bits(speed, o.speed) &&
-           same_bits(normal, o.normal) && same_bits(sums, o.sums) && same(totals, o.totals) && candidates == o.candidates;
+    return same_bits(overlap, o.overlap) && same_bits(rate, o.rate) && same_bits(direction, o.direction) &&
+           same_bits(sums, o.sums) && same(totals, o.totals) && candidates == o.candidates;
   }
 };
 
@@ -143,12 +143,13 @@ Recorded record(const Kernels& kernel, const Rows& rows, bool fixed, const std::
                 bool summing = true) {
   Recorded out;
   const std::size_t n = rows.pairs(fixed).n;
-  for (auto* v : {&out.overlap, &out.rate, &out.speed}) v->resize(n);
-  out.normal.resize(n);
+  out.overlap.resize(n);
+  out.rate.resize(n);
+  out.direction.resize(n);
   out.sums.resize(rows.stride());
   out.candidates.resize(n + kLanes);
   Candidates candidates{out.candidates.data()};
-  const PairRecords records{out.overlap.data(), out.rate.data(), out.speed.data(), out.normal.data()};
+  const PairRecords records{out.overlap.data(), out.rate.data(), out.direction.data()};
   kernel.record(rows.balls.rows.data(), rows.pairs(fixed), rows.law(fixed), level.data(), records,
                 summing ? out.sums.data() : nullptr, out.totals, candidates);
   out.candidates.resize(candidates.n);
@@ -332,11 +333,18 @@ TEST(Kernels, RecordedGeometryIsThePairs) {
       continue;
     }
     const Vec3 x = position(a) - position(b), v = velocity(a) - velocity(b);
-    EXPECT_NEAR(recorded.overlap[p], a.r + b.r - x.norm(), 1e-15);  // rounding
-    EXPECT_NEAR(recorded.rate[p], -x.normalized().dot(v), 1e-14);
-    EXPECT_NEAR(recorded.speed[p], v.norm(), 1e-14);
-    const Normal& n = recorded.normal[p];
-    EXPECT_NEAR((Vec3(n.x, n.y, n.z) - x.normalized()).norm(), 0.0, 1e-15);
+    // Rounded to single precision, relative 2^-24; besides rounding of the overlap's terms, some 1e-16.
+    const auto expect_rounded = [](double found, double wanted) {
+      EXPECT_NEAR(found, wanted, 0x1p-24 * std::abs(wanted) + 1e-14);
+    };
+    expect_rounded(recorded.overlap[p], a.r + b.r - x.norm());
+    expect_rounded(recorded.rate[p], -x.normalized().dot(v));
+    const PairDirection& d = recorded.direction[p];
+    expect_rounded(d.speed, v.norm());
+    const Vec3 n = x.normalized();
+    expect_rounded(d.x, n.x());
+    expect_rounded(d.y, n.y());
+    expect_rounded(d.z, n.z());
   }
 }
 

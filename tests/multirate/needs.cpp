@@ -11,6 +11,7 @@
 namespace grainclock::multirate {
 namespace {
 
+using core::Vec3;
 using tests::Random;
 using tests::same_bits;
 
@@ -19,8 +20,9 @@ constexpr std::size_t kBalls = 60, kPairs = 301;  // neither is a multiple of a 
 /// Pairs in all states: deep, shallow, apart, approaching, receding.
 struct Pairs {
   std::vector<std::uint32_t> i, j;
-  std::vector<double> overlap, rate, speed, margin;
-  std::vector<core::Normal> normal;
+  std::vector<float> overlap, rate;
+  std::vector<core::PairDirection> direction;
+  std::vector<double> margin;
   std::vector<core::Path> paths;
   NeedParameters with{1e7, 0.0, 1.6e-3, 1e-4, 0.3, 0.0, true};
 
@@ -37,12 +39,13 @@ struct Pairs {
     for (std::size_t p = 0; p < kPairs; ++p) {
       i.push_back(static_cast<std::uint32_t>(random.below(kBalls)));
       j.push_back(static_cast<std::uint32_t>(random.below(kBalls)));
-      overlap.push_back(random.between(-6e-3, 2e-3));
-      rate.push_back(random.between(-2.0, 2.0));
-      speed.push_back(std::abs(rate.back()) + random.between(0.0, 1.0));
+      overlap.push_back(static_cast<float>(random.between(-6e-3, 2e-3)));
+      rate.push_back(static_cast<float>(random.between(-2.0, 2.0)));
+      const double speed = std::abs(rate.back()) + random.between(0.0, 1.0);
       const double x = random.between(-1, 1), y = random.between(-1, 1), z = random.between(-1, 1);
       const double length = std::sqrt(x * x + y * y + z * z);
-      normal.push_back({x / length, y / length, z / length, 0.0});
+      const auto single = [](double value) { return static_cast<float>(value); };
+      direction.push_back({single(x / length), single(y / length), single(z / length), single(speed)});
     }
   }
 };
@@ -55,9 +58,9 @@ struct Found {
 
 Found find(Pairs& pairs, const core::Kernels& kernels) {
   Found out;
-  const core::PairRecords records{pairs.overlap.data(), pairs.rate.data(), pairs.speed.data(), pairs.normal.data()};
+  const core::PairRecords records{pairs.overlap.data(), pairs.rate.data(), pairs.direction.data()};
   add_needs_on(kernels)({pairs.i.data(), pairs.j.data(), kPairs}, records, pairs.paths.data(), pairs.margin.data(),
-                        pairs.with, out.level.data(), out.needs.data(), 0, kPairs);
+                        pairs.with, out.level.data(), out.needs.data(), 0, 0, kPairs);
   return out;
 }
 
@@ -67,17 +70,19 @@ Found expected(const Pairs& pairs) {
   for (std::size_t p = 0; p < kPairs; ++p) {
     const std::uint32_t i = pairs.i[p], j = pairs.j[p];
     const NeedParameters& w = pairs.with;
-    const double gap = -pairs.overlap[p] - w.reach;
+    const double overlap = pairs.overlap[p], rate = pairs.rate[p];
+    const core::PairDirection& d = pairs.direction[p];
+    const Vec3 n(d.x, d.y, d.z);
+    const double gap = -overlap - w.reach;
     const double room = pairs.margin[i] + (w.both ? pairs.margin[j] : 0.0);
-    out.level[p] = gap > pairs.speed[p] * w.interval + room ? kSkipped : Level{0};
-    if (out.level[p] == kSkipped || gap > kAccelerating * std::max(pairs.rate[p], 0.0) * w.interval + w.soon) continue;
+    out.level[p] = gap > double{d.speed} * w.interval + room ? kSkipped : Level{0};
+    if (out.level[p] == kSkipped || gap > kAccelerating * std::max(rate, 0.0) * w.interval + w.soon) continue;
     const core::Path none{};
     const core::Path &a = pairs.paths[i], &b = w.both ? pairs.paths[j] : none;
-    const core::Normal& n = pairs.normal[p];
-    const double acceleration = (a.ax - b.ax) * n.x + (a.ay - b.ay) * n.y + (a.az - b.az) * n.z;
+    const double acceleration = (a.ax - b.ax) * n.x() + (a.ay - b.ay) * n.y() + (a.az - b.az) * n.z();
     const double inverse_mass = a.inverse_mass + b.inverse_mass;
-    const PairMotion motion = motion_of(pairs.overlap[p], pairs.rate[p], acceleration, w.k * inverse_mass, w.speed2);
-    const NormalMatrix nn = NormalMatrix::of(n.x, n.y, n.z, inverse_mass * w.per_unit);
+    const PairMotion motion = motion_of(overlap, rate, acceleration, w.k * inverse_mass, w.speed2);
+    const NormalMatrix nn = NormalMatrix::of(n.x(), n.y(), n.z(), inverse_mass * w.per_unit);
     const auto add = [&](Need& need) {
       for (int k = 0; k < 6; ++k) need.matrix[k] += nn.entry[k];
       double& urgency4 = motion.is_impact ? need.impact4 : need.smooth4;
@@ -112,15 +117,30 @@ TEST(Needs, AreThoseOfThePairsOnEveryInstructionSet) {
 
 TEST(Needs, AShareOfThePairsLeavesTheOthersAlone) {
   Pairs pairs(true);
-  const core::PairRecords records{pairs.overlap.data(), pairs.rate.data(), pairs.speed.data(), pairs.normal.data()};
+  const core::PairRecords records{pairs.overlap.data(), pairs.rate.data(), pairs.direction.data()};
   Found whole = find(pairs, core::kernels()), parts;
   for (const std::size_t cut : {std::size_t{0}, std::size_t{130}}) {
     const std::size_t end = cut == 0 ? 130 : kPairs;
     add_needs_on(core::kernels())({pairs.i.data(), pairs.j.data(), kPairs}, records, pairs.paths.data(), pairs.margin.data(),
-                                  pairs.with, parts.level.data(), parts.needs.data(), cut, end);
+                                  pairs.with, parts.level.data(), parts.needs.data(), 0, cut, end);
     EXPECT_EQ(parts.level[130] == 77, cut == 0);
   }
   EXPECT_TRUE(parts == whole);
+}
+
+TEST(Needs, AreWrittenFromTheFirstRowOn) {
+  Pairs pairs(true);
+  const std::uint32_t first = 17;
+  const Found whole = find(pairs, core::kernels());
+  for (auto* rows : {&pairs.i, &pairs.j})
+    for (std::uint32_t& row : *rows) row += first;
+  pairs.paths.insert(pairs.paths.begin(), first, core::Path{});
+  pairs.margin.insert(pairs.margin.begin(), first, 0.0);
+  Found shifted;
+  add_needs_on(core::kernels())({pairs.i.data(), pairs.j.data(), kPairs},
+                                {pairs.overlap.data(), pairs.rate.data(), pairs.direction.data()}, pairs.paths.data(),
+                                pairs.margin.data(), pairs.with, shifted.level.data(), shifted.needs.data(), first, 0, kPairs);
+  EXPECT_TRUE(shifted == whole);
 }
 
 }  // namespace
