@@ -152,11 +152,12 @@ std::vector<Contact> BallStepper::contacts_where(Counts counts) const {
       const double distance = d.norm(), overlap = a.r + b.r - distance;
       if (overlap <= -its.reach) continue;
       const double rate = -d.dot(velocity(a) - velocity(b)) / distance;
-      const double force = contact_force(its, overlap, rate);
+      const BallId id_i = balls_.id_of(pairs.i[p]), id_j = balls_.id_of(pairs.j[p]);
+      const bool swapped = !fixed && id_i > id_j;
+      const double force = swapped ? force_of(id_j, id_i, its, overlap, rate) : force_of(id_i, id_j, its, overlap, rate);
       if (overlap <= 0.0 && force == 0.0) continue;
-      Contact c{balls_.id_of(pairs.i[p]), balls_.id_of(pairs.j[p]), balls_.kind_of(pairs.j[p]), overlap, rate,
-                force / distance * d};
-      if (!fixed && c.i > c.j) {
+      Contact c{id_i, id_j, balls_.kind_of(pairs.j[p]), overlap, rate, force / distance * d};
+      if (swapped) {
         std::swap(c.i, c.j);
         c.force = -c.force;
       }

@@ -14,7 +14,7 @@ class BallStepper : public Stepper {
  public:
   double step() const final { return step_; }
   std::int64_t steps_done() const final { return steps_done_; }
-  State state() const final;
+  State state() const override;
   std::vector<Contact> contacts() const final;
   Energies energies() const final;
   double kinetic_energy() const final;
@@ -86,6 +86,10 @@ class BallStepper : public Stepper {
 
   /// Level to report per content row; uniform: empty.
   virtual std::vector<std::uint8_t> levels() const { return {}; }
+  /// Force of a contact to report [N]; `i` is content, and below `j` if both are.
+  virtual double force_of(BallId /*i*/, BallId /*j*/, const ContactLaw& its, double overlap, double rate) const {
+    return contact_force(its, overlap, rate);
+  }
 
  private:
   /// Contacts of the pairs of rows for which counts(i, j), in order of ids.

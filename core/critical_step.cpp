@@ -92,4 +92,27 @@ StepBounds critical_steps(const State& state, const Materials& materials, bool o
   return bounds;
 }
 
+namespace {
+
+/// Of the springs' largest step, how much a treatment of dashpots leaves.
+double share_of_springs(Dashpot dashpot) { return dashpot == Dashpot::relaxed ? 0.5 : 1.0; }
+
+}  // namespace
+
+StepBounds critical_steps(const State& state, const Materials& materials, bool outlet_open, const Stepping& stepping) {
+  if (stepping.dashpot == Dashpot::explicit_) return critical_steps(state, materials, outlet_open, stepping.integrator);
+  Materials springs = materials;
+  springs.ball.c = springs.wall.c = 0.0;
+  StepBounds bounds = critical_steps(state, springs, outlet_open, stepping.integrator);
+  const double share = share_of_springs(stepping.dashpot);
+  for (double* bound : {&bounds.smallest, &bounds.bulk, &bounds.wall}) *bound *= share;
+  for (double& bound : bounds.per_ball) bound *= share;
+  return bounds;
+}
+
+double critical_step_of_pair(const PairLaw& law, double inverse_mass_sum, const Stepping& stepping) {
+  if (stepping.dashpot == Dashpot::explicit_) return critical_step_of_pair(law, inverse_mass_sum, stepping.integrator);
+  return share_of_springs(stepping.dashpot) * critical_step_of_pair({law.k, 0.0}, inverse_mass_sum, stepping.integrator);
+}
+
 }  // namespace grainclock::core

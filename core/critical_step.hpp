@@ -26,4 +26,9 @@ StepBounds critical_steps(const State& state, const Materials& materials, bool o
 /// The same for one isolated contact of two balls with these inverse masses [1/kg].
 double critical_step_of_pair(const PairLaw& law, double inverse_mass_sum, Integrator integrator);
 
+/// Both for uniform steps with any treatment of the dashpots: those that are not explicit leave the springs' bound
+/// alone, h2 k <= 4 m for pairwise and solve, h2 k <= m for relaxed.
+StepBounds critical_steps(const State& state, const Materials& materials, bool outlet_open, const Stepping& stepping);
+double critical_step_of_pair(const PairLaw& law, double inverse_mass_sum, const Stepping& stepping);
+
 }  // namespace grainclock::core

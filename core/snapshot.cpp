@@ -35,7 +35,10 @@ const auto kFields = std::make_tuple(
     Field<std::vector<Vec3>>{"evaluated_velocity", "m s-1", "with which the last forces were evaluated", true,
                              &State::evaluated_velocity},
     Field<std::vector<std::uint8_t>>{"level", "", "step level, 0 is the finest", true, &State::level},
-    Field<std::vector<std::uint8_t>>{"impacted", "", "1 after the ball's first impact", true, &State::impacted});
+    Field<std::vector<std::uint8_t>>{"impacted", "", "1 after the ball's first impact", true, &State::impacted},
+    Field<std::vector<BallId>>{"dashpot_i", "", "content ball of a pair whose dashpot remembers its force", true, &State::dashpot_i},
+    Field<std::vector<BallId>>{"dashpot_j", "", "the pair's other ball", true, &State::dashpot_j},
+    Field<std::vector<double>>{"dashpot_force", "N", "last force of the pair's dashpot", true, &State::dashpot_force});
 
 constexpr const char* kGroup = "state";
 constexpr const char* kChecksum = "checksum";

@@ -48,6 +48,13 @@ void validate(const State& state, std::string_view source) {
   require_length(state.evaluated_velocity, n, true, "evaluated_velocity", source);
   require_length(state.level, n, true, "level", source);
   require_length(state.impacted, n, true, "impacted", source);
+  const std::size_t remembered = state.dashpot_force.size();
+  GC_REQUIRE(state.dashpot_i.size() == remembered && state.dashpot_j.size() == remembered,
+             "{}: {} and {} balls for {} values of dashpot_force: give one of each per pair", source, state.dashpot_i.size(),
+             state.dashpot_j.size(), remembered);
+  for (std::size_t k = 0; k < remembered; ++k)
+    GC_REQUIRE(std::isfinite(state.dashpot_force[k]), "{}: dashpot_force of balls {} and {} is {}: must be finite", source,
+               state.dashpot_i[k], state.dashpot_j[k], state.dashpot_force[k]);
   GC_REQUIRE(std::isfinite(state.time), "{}: time is {}: must be finite", source, state.time);
 
   for (std::size_t i = 0; i < n; ++i) {

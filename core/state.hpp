@@ -17,7 +17,7 @@ enum class Kind : std::uint8_t { content = 0, wall = 1, plug = 2 };
 std::string_view name(Kind kind);
 
 /// Balls in increasing order of id, every kind together; SI units.
-/// All vectors have the same length, except the optional ones, which may be empty.
+/// All vectors have the same length, except the optional ones, which may be empty, and the remembered pairs.
 struct State {
   double time = 0.0;                 // s
   double length_scale = 0.0;         // m, mean diameter of the content when the run began; 0: not known
@@ -34,6 +34,9 @@ struct State {
   std::vector<Vec3> evaluated_velocity;  // m/s
   std::vector<std::uint8_t> level;
   std::vector<std::uint8_t> impacted;
+  // Pairs of balls whose dashpots remember their last force (stepping.dashpot other than explicit).
+  std::vector<BallId> dashpot_i, dashpot_j;  // i is content
+  std::vector<double> dashpot_force;         // N
 
   std::size_t size() const { return id.size(); }
   std::size_t count(Kind wanted) const;

@@ -5,11 +5,14 @@
 //   pece       the same with a second evaluation at (x', v'), whose force opens the next step
 //   lagged     velocity Verlet whose dashpots see the half-step velocity; order 1 with dashpots
 //
+// Dashpots are explicit here; see dashpot_stepper.hpp for other ways.
+//
 // Momentum is exact to rounding in all three, for every contact force is one integer vector,
 // added to one ball and subtracted from the other.
 #include "core/ball_stepper.hpp"
 #include "core/candidate_list.hpp"
 #include "core/check.hpp"
+#include "core/dashpot_stepper.hpp"
 #include "core/row_shares.hpp"
 
 #include <algorithm>
@@ -34,8 +37,6 @@ class UniformStepper final : public BallStepper {
         fixed_law_(law(true, step_)),
         shares_(static_cast<std::size_t>(threads_)),
         work_(static_cast<std::size_t>(threads_)) {
-    GC_REQUIRE(setup.stepping.dashpot == Dashpot::explicit_,
-               "stepping.dashpot = \"{}\" is not offered by this version; use \"explicit\"", name(setup.stepping.dashpot));
     GC_REQUIRE(!events_ || scheme_ == Integrator::predicted,
                "stepping.events = true goes with integrator = \"predicted\", not \"{}\"; set events = false", name(scheme_));
     advance_.bound = events_;
@@ -340,6 +341,7 @@ class UniformStepper final : public BallStepper {
 }  // namespace
 
 std::unique_ptr<Stepper> make_uniform_stepper(const State& state, const StepperSetup& setup) {
+  if (setup.stepping.dashpot != Dashpot::explicit_) return make_dashpot_stepper(state, setup);
   return std::make_unique<UniformStepper>(state, setup);
 }
 

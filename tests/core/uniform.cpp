@@ -228,11 +228,6 @@ TEST(UniformInput, IsRefusedWithTheKeyAndTheRemedy) {
   };
   EXPECT_NE(refusal([](StepperSetup& s) { s.stepping.step.reset(); }).find("step"), std::string::npos);
   EXPECT_NE(refusal([](StepperSetup& s) { s.stepping.step = 0.0; }).find("step"), std::string::npos);
-  for (const Dashpot dashpot : {Dashpot::relaxed, Dashpot::pairwise, Dashpot::solve}) {
-    const std::string text = refusal([&](StepperSetup& s) { s.stepping.dashpot = dashpot; });
-    EXPECT_NE(text.find(name(dashpot)), std::string::npos) << text;
-    EXPECT_NE(text.find("use \"explicit\""), std::string::npos) << text;
-  }
   for (const Integrator integrator : {Integrator::lagged, Integrator::pece}) {
     const std::string text = refusal([&](StepperSetup& s) { s.stepping.integrator = integrator; });
     EXPECT_NE(text.find("events"), std::string::npos) << text;
