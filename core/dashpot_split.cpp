@@ -4,6 +4,7 @@ namespace grainclock::core {
 
 void SplitStepper::take_step() {
   drift();
+  keep_list_safe();
   find_touches();
   find_dashpots();
   add_up_forces();
@@ -32,7 +33,6 @@ void SplitStepper::drift() {
     r.y += 0.5 * step_ * r.vy;
     r.z += 0.5 * step_ * r.vz;
   }
-  keep_list_safe();
 }
 
 }  // namespace grainclock::core

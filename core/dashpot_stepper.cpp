@@ -47,6 +47,7 @@ void DashpotStepper::advance(std::int64_t n) {
     book_gravity(step_);
     const std::vector<std::uint32_t> stopped = setup_.first_impact ? first_hits() : std::vector<std::uint32_t>{};
     for (const std::uint32_t row : stopped) stop_first_impact(row);
+    keep_list_safe();  // from here on the touches are gone
     const std::vector<std::uint8_t> leaving = find_leaving();
     if (!leaving.empty()) build_list(leaving);
     if (!stopped.empty() || !leaving.empty()) restart();

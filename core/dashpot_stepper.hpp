@@ -25,7 +25,8 @@ class DashpotStepper : public BallStepper {
   LevelStatistics level_statistics() const final;
 
  protected:
-  /// One step between synchronised states, with its bookings. Leaves the touches of its forces in touches_.
+  /// One step between synchronised states, with its bookings. Leaves the touches of its forces in touches_, the rows in
+  /// their order.
   virtual void take_step() = 0;
   /// Balls have left, or velocities were changed from outside.
   virtual void restart() = 0;
@@ -33,7 +34,7 @@ class DashpotStepper : public BallStepper {
   /// With the dashpot's last force: where c is large, the law makes forces of what rates are uncertain by.
   double force_of(BallId i, BallId j, const ContactLaw& its, double overlap, double rate) const final;
 
-  /// To be called when rows have moved.
+  /// To be called when rows have moved. May sort them anew: touches do not survive it.
   void keep_list_safe();
   void find_touches();
   /// Finds C/m of each ball for delay().
