@@ -13,6 +13,11 @@ struct Cubic {
   double c0, c1, c2, c3;
   double operator()(double u) const { return ((c3 * u + c2) * u + c1) * u + c0; }
   Cubic derivative() const { return {c1, 2.0 * c2, 3.0 * c3, 0.0}; }
+  /// No sign change on the unit interval for sure: it lies between its Bernstein coefficients.
+  bool keeps_sign() const {
+    const double b[4] = {c0, c0 + c1 / 3.0, c0 + (2.0 * c1 + c2) / 3.0, c0 + c1 + c2 + c3};
+    return (b[0] > 0.0 && b[1] > 0.0 && b[2] > 0.0 && b[3] > 0.0) || (b[0] < 0.0 && b[1] < 0.0 && b[2] < 0.0 && b[3] < 0.0);
+  }
 };
 
 /// Branch changes of one step: at most 3 roots for each of 4 functions, and the ends.
@@ -37,24 +42,35 @@ int quadratic_roots(double c0, double c1, double c2, double* out) {
   return n;
 }
 
-/// Adds the sign changes of a cubic inside (0, 1) that `matters`: bisection on the pieces where it is monotone.
+/// Where a cubic changes sign in (low, high), on which it is monotone: Newton's steps, halves where these lead out.
+double root_between(const Cubic& f, double low, double high) {
+  const Cubic slope = f.derivative();
+  const bool sign = f(low) > 0.0;
+  double u = 0.5 * (low + high);
+  for (int k = 0; k < 60 && high - low > 1e-15; ++k) {
+    const double value = f(u);
+    ((value > 0.0) == sign ? low : high) = u;
+    const double next = u - value / slope(u);
+    const double to = next > low && next < high ? next : 0.5 * (low + high);
+    if (std::abs(to - u) <= 1e-16) break;
+    u = to;
+  }
+  return u;
+}
+
+/// Adds the sign changes of a cubic inside (0, 1) that `matters`.
 template <class Matters>
 void add_roots(const Cubic& f, Splits& splits, Matters matters) {
+  if (f.keeps_sign()) return;
   std::array<double, 4> bound{0.0, 0.0, 0.0, 1.0};
   double turning[2];
   const int turns = quadratic_roots(f.c1, 2.0 * f.c2, 3.0 * f.c3, turning);
   for (int k = 0; k < turns; ++k) bound[k + 1] = turning[k];
   bound[turns + 1] = 1.0;
   for (int piece = 0; piece <= turns; ++piece) {
-    double low = bound[piece], high = bound[piece + 1];
-    const bool sign = f(low) > 0.0;
-    if ((f(high) > 0.0) == sign) continue;
-    // Bisection: the cubic is monotone here, and events are few.
-    for (int k = 0; k < 60 && high - low > 1e-15; ++k) {
-      const double middle = 0.5 * (low + high);
-      ((f(middle) > 0.0) == sign ? low : high) = middle;
-    }
-    const double root = 0.5 * (low + high);
+    const double low = bound[piece], high = bound[piece + 1];
+    if ((f(low) > 0.0) == (f(high) > 0.0)) continue;
+    const double root = root_between(f, low, high);
     if (matters(root)) splits.add(root);
   }
 }

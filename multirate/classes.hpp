@@ -26,20 +26,24 @@ constexpr double kOpening = 0.5;
 /// A ball gets coarser only if it would still do so at this many times its urgency.
 constexpr double kHysteresis = 2.0;
 
-/// How a pair moves; squared quantities, so that a pair costs no root.
+/// How a pair moves; squared quantities, so that a pair costs no root. Real is double or a vector of it.
+template <class Real>
 struct PairMotion {
-  double urgency4;  // 1/s4, fourth power of the urgency
-  bool is_impact;   // it will open, or is about to close
+  Real urgency4;                            // 1/s4, fourth power of the urgency
+  decltype(Real{} <= Real{}) is_impact;  // it will open, or is about to close
 };
 
 /// `overlap` [m], its `rate` [m/s] and the balls' `acceleration` towards each other [m/s2] (ignored while open),
 /// `omega2` [1/s2] and the scene's speed squared [m2/s2], above zero.
-[[gnu::always_inline]] inline PairMotion motion_of(double overlap, double rate, double acceleration, double omega2, double speed2) {
-  const bool is_open = overlap <= 0.0;
-  const double a = is_open ? 0.0 : acceleration;
-  const double amplitude = omega2 * rate * rate + a * a;  // (omega v)^2
-  const double opening = kOpening * omega2 * overlap;
-  return {omega2 * amplitude / speed2, is_open || amplitude > opening * opening};
+template <class Real>
+[[gnu::always_inline]] inline PairMotion<Real> motion_of(Real overlap, Real rate, Real acceleration, Real omega2, double speed2) {
+  const auto is_open = overlap <= Real{};
+  const Real a = is_open ? Real{} : acceleration;
+  const Real amplitude = omega2 * rate * rate + a * a;  // (omega v)^2
+  const Real opening = kOpening * omega2 * overlap;
+  PairMotion<Real> motion{omega2 * amplitude / speed2, is_open};
+  motion.is_impact |= amplitude > opening * opening;
+  return motion;
 }
 
 /// The sum of (h u)^4 over `balls` at which the rms of error_factor (h u)^2 is the tolerance.
@@ -78,10 +82,27 @@ struct ContactMatrix {
 };
 constexpr double kMatrixUnit = 1.0 / 4294967296.0;  // 2^-32
 
-/// Whether a step h [s] keeps every eigenvalue of sum (h2 k + 4 h c)(1/m_i + 1/m_j) n n^T below 4 (the predicted
+/// (h2 k + 4 h c) relative to the units of a ContactMatrix, for contacts among balls and with fixed balls.
+struct StepWeights {
+  double ball, fixed;
+
+  /// `step` h [s]; `inertia`: the inverse mass [1/kg] that matrices are relative to.
+  StepWeights(double step, const core::ContactLaw& ball_law, const core::ContactLaw& fixed_law, double inertia)
+      : ball(weight(step, ball_law) * inertia), fixed(weight(step, fixed_law) * inertia) {}
+
+ private:
+  static double weight(double h, const core::ContactLaw& law) { return (h * h * law.k + 4.0 * h * law.c) * kMatrixUnit; }
+};
+
+/// Whether a step keeps every eigenvalue of sum (h2 k + 4 h c)(1/m_i + 1/m_j) n n^T below 4 (the predicted
 /// scheme's bound, core/critical_step.hpp), by the signs of the leading minors of 4 - M.
-/// `inertia`: the inverse mass [1/kg] that the matrix is relative to.
-bool is_stable(const ContactMatrix& matrix, double h, const core::ContactLaw& ball, const core::ContactLaw& fixed,
-               double inertia);
+inline bool is_stable(const ContactMatrix& matrix, const StepWeights& weights) {
+  const auto entry = [&](int k) { return weights.ball * matrix.ball.entry[k] + weights.fixed * matrix.fixed.entry[k]; };
+  const double xx = 4.0 - entry(0), yy = 4.0 - entry(1), zz = 4.0 - entry(2);
+  const double xy = -entry(3), xz = -entry(4), yz = -entry(5);
+  const double minor = xx * yy - xy * xy;
+  const double determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
+  return xx > 0.0 && minor > 0.0 && determinant > 0.0;
+}
 
 }  // namespace grainclock::multirate

@@ -10,6 +10,16 @@ typedef double Real8 [[gnu::vector_size(64)]];
 typedef std::int64_t Int4 [[gnu::vector_size(32)]];
 typedef std::int64_t Int8 [[gnu::vector_size(64)]];
 typedef float Single4 [[gnu::vector_size(16)]];
+typedef float Single8 [[gnu::vector_size(32), gnu::aligned(4)]];
+typedef std::int8_t Char8 [[gnu::vector_size(8), gnu::aligned(1)]];
+template <class Real>
+struct UnalignedOf;
+template <>
+struct UnalignedOf<double> { using Type = double; };
+template <>
+struct UnalignedOf<Real8> { typedef double Type [[gnu::vector_size(64), gnu::aligned(8)]]; };
+template <class Real>
+using Unaligned = typename UnalignedOf<Real>::Type;
 constexpr std::size_t kBlock = 64;  // pairs
 constexpr std::int64_t kSign = INT64_MIN;
 
@@ -18,11 +28,12 @@ struct Gathered {
   double acceleration[kBlock];  // m/s2, towards each other
   double inverse_mass[kBlock];  // 1/kg, of both
   double room[kBlock];          // m, both margins
+  double speed[kBlock];         // m/s, relative
 };
 struct Judged {
-  double urgency4[kBlock][2];  // 1/s4, of each pair if it is smooth, and if it is an impact
-  double scale[kBlock];        // of its normal matrix
-  bool asks[kBlock];
+  double smooth4[kBlock], impact4[kBlock];  // 1/s4, of each pair
+  double scale[kBlock];                     // of its normal matrix
+  std::int8_t asks[kBlock];                 // 0 or -1
 };
 
 /// x, y, z and the speed.
@@ -40,40 +51,52 @@ void gather(const core::PairSpan& pairs, const core::PairRecords& book, const co
       path -= (Real4)(*reinterpret_cast<const Int4*>(paths + pairs.j[p]) ^ Int4{0, 0, 0, kSign});
       out.room[q] += margin[pairs.j[p]];
     }
-    const Real4 along = path * wide(book.direction[p]);
+    const Real4 direction = wide(book.direction[p]), along = path * direction;
+    out.speed[q] = direction[3];
     out.acceleration[q] = along[0] + along[1] + along[2];
     out.inverse_mass[q] = path[3];
   }
 }
 
-void judge(const core::PairRecords& book, const NeedParameters& w, std::size_t first, std::size_t n, const Gathered& in,
-           Level* level, Judged& out) {
-  const float* overlaps = book.overlap + first;
-  const float* rates = book.rate + first;
-  const core::PairDirection* directions = book.direction + first;
-#pragma GCC ivdep
-  for (std::size_t q = 0; q < n; ++q) {
-    const double overlap = overlaps[q], rate = rates[q], speed = directions[q].speed;
-    const double gap = -overlap - w.reach;
-    const double approach = rate > 0.0 ? rate : 0.0;
-    const bool is_skipped = gap > speed * w.interval + in.room[q];
-    const bool asks = !is_skipped && !(gap > kAccelerating * approach * w.interval + w.soon);
-    const PairMotion motion = motion_of(overlap, rate, in.acceleration[q], w.k * in.inverse_mass[q], w.speed2);
-    level[first + q] = is_skipped ? kSkipped : Level{0};
-    out.asks[q] = asks;
-    out.urgency4[q][0] = motion.is_impact ? 0.0 : motion.urgency4;
-    out.urgency4[q][1] = motion.is_impact ? motion.urgency4 : 0.0;
-    out.scale[q] = in.inverse_mass[q] * w.per_unit;
-  }
+// One number, or a vector of eight: the same operations.
+template <class Real>
+[[gnu::always_inline]] inline Real load(const double* from) { return *reinterpret_cast<const Unaligned<Real>*>(from); }
+template <class Real>
+[[gnu::always_inline]] inline void store(double* to, Real value) { *reinterpret_cast<Unaligned<Real>*>(to) = value; }
+template <class Real>
+[[gnu::always_inline]] inline Real load(const float* from) {
+  if constexpr (sizeof(Real) == sizeof(double)) return *from;
+  else return __builtin_convertvector(*reinterpret_cast<const Single8*>(from), Real8);
+}
+[[gnu::always_inline]] inline void store(std::int8_t* to, bool value) { *to = value ? -1 : 0; }
+[[gnu::always_inline]] inline void store(std::int8_t* to, Int8 mask) { *reinterpret_cast<Char8*>(to) = __builtin_convertvector(mask, Char8); }
+
+template <class Real>
+[[gnu::always_inline]] inline void judge(const core::PairRecords& book, const NeedParameters& w, std::size_t p, std::size_t q, const Gathered& in,
+                     Level* level, Judged& out) {
+  const Real overlap = load<Real>(book.overlap + p), rate = load<Real>(book.rate + p);
+  const Real inverse_mass = load<Real>(in.inverse_mass + q);
+  const Real gap = -overlap - w.reach;
+  const Real approach = rate > Real{} ? rate : Real{};
+  // Written so that a NaN is not skipped.
+  const auto is_skipped = gap > load<Real>(in.speed + q) * w.interval + load<Real>(in.room + q);
+  const auto is_far = gap > kAccelerating * approach * w.interval + w.soon;
+  const PairMotion<Real> motion =
+      motion_of(overlap, rate, load<Real>(in.acceleration + q), w.k * inverse_mass, w.speed2);
+  store(reinterpret_cast<std::int8_t*>(level + p), is_skipped);
+  store(out.asks + q, !is_skipped && !is_far);
+  store<Real>(out.smooth4 + q, motion.is_impact ? Real{} : motion.urgency4);
+  store<Real>(out.impact4 + q, motion.is_impact ? motion.urgency4 : Real{});
+  store<Real>(out.scale + q, inverse_mass * w.per_unit);
 }
 
 /// The entries of NormalMatrix::of() and the urgencies.
-Real8 ask_of(const core::PairDirection& direction, double scale, const double* urgency4) {
+Real8 ask_of(const core::PairDirection& direction, double scale, double smooth4, double impact4) {
   const Real4 n = wide(direction), scaled = scale * n;
   const Real8 products = __builtin_shufflevector(scaled, scaled, 0, 1, 2, 0, 0, 1, 3, 3) *
                          __builtin_shufflevector(n, n, 0, 1, 2, 1, 2, 2, 3, 3);
   const Real8 whole = (products + kWholeNumber) - kWholeNumber;
-  const Real8 urgencies = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, urgency4[0], urgency4[1]};
+  const Real8 urgencies = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, smooth4, impact4};
   return Int8{0, 0, 0, 0, 0, 0, -1, -1} != 0 ? urgencies : whole;
 }
 
@@ -90,11 +113,11 @@ void add_block(const core::PairSpan& pairs, const core::PairRecords& book, std::
   std::size_t asking[kBlock], count = 0;
   for (std::size_t q = 0; q < n; ++q) {
     asking[count] = q;
-    count += judged.asks[q] ? 1 : 0;
+    count += judged.asks[q] & 1;
   }
   for (std::size_t c = 0; c < count; ++c) {
     const std::size_t q = asking[c], p = first + q;
-    const Real8 ask = ask_of(book.direction[p], judged.scale[q], judged.urgency4[q]);
+    const Real8 ask = ask_of(book.direction[p], judged.scale[q], judged.smooth4[q], judged.impact4[q]);
     add(needs[pairs.i[p] - first_row], ask);
     if constexpr (kBoth) add(needs[pairs.j[p] - first_row], ask);
   }
@@ -109,7 +132,9 @@ void add_needs_of(const core::PairSpan& pairs, const core::PairRecords& book, co
   for (std::size_t first = begin; first < end; first += kBlock) {
     const std::size_t n = end - first < kBlock ? end - first : kBlock;
     gather<kBoth>(pairs, book, paths, margin, first, n, gathered);
-    judge(book, with, first, n, gathered, level, judged);
+    std::size_t q = 0;
+    for (; q + 8 <= n; q += 8) judge<Real8>(book, with, first + q, q, gathered, level, judged);
+    for (; q < n; ++q) judge<double>(book, with, first + q, q, gathered, level, judged);
     add_block<kBoth>(pairs, book, first, n, judged, needs, first_row);
   }
 }

@@ -389,7 +389,9 @@ class MultirateStepper final : public core::BallStepper {
 
   /// The last tick before a renewal: one evaluation of all listed pairs closes every step and feeds the classes.
   void close_all_with_records() {
-    evaluated_ = balls_.rows;
+    share_balls([this](std::uint32_t begin, std::uint32_t end) {
+      std::copy(balls_.rows.begin() + begin, balls_.rows.begin() + end, evaluated_.begin() + begin);
+    });
     // A missed contact has no weight: it pays nothing backwards.
     const Opened half = record(balls_.rows, true, [&](int t, bool fixed, std::span<const std::uint32_t> found) {
       if (!events_) return;
@@ -508,7 +510,10 @@ class MultirateStepper final : public core::BallStepper {
 
   /// Each ball's level from what its pairs need, before the limiter. Clears the needs.
   void choose_levels() {
-    const core::ContactLaw ball = law(false, 0.0).law, fixed = law(true, 0.0).law;
+    std::vector<StepWeights> weights;
+    for (Level l = 0; l < ladder_.levels(); ++l) {
+      weights.emplace_back(ladder_.step(l), law(false, 0.0).law, law(true, 0.0).law, largest_inverse_mass_);
+    }
     const NeedParameters with_fixed = need_parameters(true);
     const PairList& pairs = listed(true);
     PairBook& book = books_[true];
@@ -539,7 +544,7 @@ class MultirateStepper final : public core::BallStepper {
         take(its_fixed, matrix.fixed);
         urgency.impact4 = eased_impact4(urgency.impact4, urgency.smooth4);
         Level level = ladder_.coarsest();
-        while (level > 0 && !is_stable(matrix, ladder_.step(level), ball, fixed, largest_inverse_mass_)) --level;
+        while (level > 0 && !is_stable(matrix, weights[level])) --level;
         level_[row] = level;
       }
     });

@@ -154,13 +154,13 @@ TEST(Stability, AgreesWithEigenvaluesOnBothSidesOfTheLimit) {
       (cage.largest_eigenvalue(middle, ball, fixed) < 4.0 ? safe : unsafe) = middle;
     }
     // The eigenvalue grows at least like h, so that a step off the limit by the cut-off is on a known side.
-    EXPECT_TRUE(is_stable(cage.integers, safe * (1.0 - cage.cut_off), ball, fixed, cage.inertia)) << "trial " << trial;
-    EXPECT_FALSE(is_stable(cage.integers, safe * (1.0 + cage.cut_off), ball, fixed, cage.inertia)) << "trial " << trial;
+    EXPECT_TRUE(is_stable(cage.integers, StepWeights(safe * (1.0 - cage.cut_off), ball, fixed, cage.inertia))) << "trial " << trial;
+    EXPECT_FALSE(is_stable(cage.integers, StepWeights(safe * (1.0 + cage.cut_off), ball, fixed, cage.inertia))) << "trial " << trial;
     // Far beyond, an even number of negative eigenvalues must not pass for none.
     for (const double factor : {1.1, 1.5, 2.0, 3.0, 5.0, 10.0, 100.0})
-      EXPECT_FALSE(is_stable(cage.integers, factor * safe, ball, fixed, cage.inertia)) << "trial " << trial;
+      EXPECT_FALSE(is_stable(cage.integers, StepWeights(factor * safe, ball, fixed, cage.inertia))) << "trial " << trial;
     for (const double factor : {0.9, 0.5, 0.1, 1e-3})
-      EXPECT_TRUE(is_stable(cage.integers, factor * safe, ball, fixed, cage.inertia)) << "trial " << trial;
+      EXPECT_TRUE(is_stable(cage.integers, StepWeights(factor * safe, ball, fixed, cage.inertia))) << "trial " << trial;
   }
 }
 
@@ -175,7 +175,7 @@ TEST(Stability, ManyContactsFitIntoTheIntegers) {
 }
 
 TEST(Stability, ABallWithoutContactsIsAlwaysStable) {
-  EXPECT_TRUE(is_stable(ContactMatrix{}, 1e3, {1e7, 2e4, 0.0, false}, {1e9, 2e5, 0.0, false}, 1.0));
+  EXPECT_TRUE(is_stable(ContactMatrix{}, StepWeights(1e3, {1e7, 2e4, 0.0, false}, {1e9, 2e5, 0.0, false}, 1.0)));
 }
 
 }  // namespace

@@ -81,7 +81,7 @@ Found expected(const Pairs& pairs) {
     const core::Path &a = pairs.paths[i], &b = w.both ? pairs.paths[j] : none;
     const double acceleration = (a.ax - b.ax) * n.x() + (a.ay - b.ay) * n.y() + (a.az - b.az) * n.z();
     const double inverse_mass = a.inverse_mass + b.inverse_mass;
-    const PairMotion motion = motion_of(overlap, rate, acceleration, w.k * inverse_mass, w.speed2);
+    const PairMotion<double> motion = motion_of(overlap, rate, acceleration, w.k * inverse_mass, w.speed2);
     const NormalMatrix nn = NormalMatrix::of(n.x(), n.y(), n.z(), inverse_mass * w.per_unit);
     const auto add = [&](Need& need) {
       for (int k = 0; k < 6; ++k) need.matrix[k] += nn.entry[k];
