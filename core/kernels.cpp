@@ -369,10 +369,11 @@ void sweep_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, IntVe
                  Candidates* candidates) {
   Int4* ball = reinterpret_cast<Int4*>(sums);
   const bool both = law.both;
+  const std::uint32_t ring = law.ring;
   LaneTotals lanes;
   sweep_pairs<T, kEvents>(rows, pairs, law, lanes, candidates, kIgnore, [=](std::size_t pair, Int4 f) GC_INLINE_LAMBDA {
-    ball[pairs.i[pair]] += f;
-    if (both) ball[pairs.j[pair]] -= f;
+    ball[pairs.i[pair] & ring] += f;
+    if (both) ball[pairs.j[pair] & ring] -= f;
   });
   lanes.add_to(totals);
 }

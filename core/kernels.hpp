@@ -18,6 +18,8 @@ struct PairSpan {
   std::size_t n;
 };
 
+constexpr std::uint32_t kNoRing = 0xffffffff;
+
 /// Constants of one sweep.
 struct SweepLaw {
   ContactLaw law;
@@ -26,6 +28,7 @@ struct SweepLaw {
   double force_limit = 0.0;   // N, beyond it the numerics have failed
   double step = 0.0;          // s, of these contacts; used to find event candidates
   bool both = true;           // j is content and feels the reaction
+  std::uint32_t ring = kNoRing;  // a power of two less one: sums of row r are at r & ring (sweep alone)
 };
 
 /// Sums over the pairs of a sweep, in integer units, hence exact.

@@ -14,11 +14,14 @@ struct PairRange {
 
 /// One thread's share: the content rows [begin, end) and the pairs that begin there, give or take less than a
 /// vector. Pairs of earlier shares may add to the rows [begin, own), never to [own, end); pairs of this
-/// share may add to rows beyond `end`, which are the next shares' [begin, own).
+/// share may add to rows [end, touched), which are the next shares' [begin, own).
 struct RowShare {
-  std::uint32_t begin = 0, own = 0, end = 0;
+  std::uint32_t begin = 0, own = 0, end = 0, touched = 0;
   PairRange ball, fixed;
 };
+
+/// How far the rows of any one vector of pairs lie apart at most, from its first pair's first row on.
+std::uint32_t vector_reach(const PairList& pairs, bool both);
 
 /// Cuts lists in ascending order of their first rows into shares of about the same number of pairs among balls.
 void cut_shares(const PairList& ball, const PairList& fixed, std::uint32_t rows, std::span<RowShare> shares);

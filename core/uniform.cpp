@@ -16,7 +16,9 @@
 #include "core/row_shares.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <utility>
 
 namespace grainclock::core {
 
@@ -94,6 +96,15 @@ class UniformStepper final : public BallStepper {
     reorder_like(opening_, order, balls_.spare, threads_);
     sums_.assign(static_cast<std::size_t>(threads_) * stride(), IntVec{});
     cut_shares(list_.ball_pairs(), list_.fixed_pairs(), balls_.content_count(), shares_);
+    for (std::size_t t = 0; t < shares_.size(); ++t) work_[t].head.resize(shares_[t].own - shares_[t].begin);
+    choose_ring();
+  }
+
+  /// How much of the sums a fused step uses: enough for the rows that a block of pairs can add to.
+  void choose_ring() {
+    const std::uint32_t reach = std::max(vector_reach(list_.ball_pairs(), true), vector_reach(list_.fixed_pairs(), false));
+    const std::uint32_t room = std::bit_ceil(reach + kRowsAtOnce + 1);
+    ring_ = room < stride() ? room - 1 : kNoRing;
   }
 
   struct Totals {
@@ -103,6 +114,7 @@ class UniformStepper final : public BallStepper {
   struct alignas(64) Work {
     SweepTotals ball, fixed;
     CandidateList ball_candidates, fixed_candidates;
+    std::vector<IntVec> head;  // force sums of the rows that earlier shares add to as well
     AdvanceReport moved;
     std::uint32_t reached = 0;  // own rows of the share below it have moved on
   };
@@ -140,14 +152,15 @@ class UniformStepper final : public BallStepper {
       const RowShare& share = shares_[static_cast<std::size_t>(t)];
       work.ball = work.fixed = {};
       work.reached = share.begin;
-      sweep_ball_pairs(t, share.ball, work);
-      sweep_fixed_pairs(t, share.fixed, work);
+      sweep_ball_pairs(t, share.ball, kNoRing, work);
+      sweep_fixed_pairs(t, share.fixed, kNoRing, work);
     });
     add_up_totals();
   }
 
   /// The same, and each ball closes its step and opens the next as soon as its last pair is done, while it is in
   /// the cache: the lists are in order of the first row, so nothing later in the list touches an earlier row.
+  /// The sums of rows that have moved on make room for later rows'.
   void sweep_and_move() {
     share_work(threads_, [this](int t) {
       Work& work = work_[static_cast<std::size_t>(t)];
@@ -157,24 +170,40 @@ class UniformStepper final : public BallStepper {
       work.reached = share.begin;
       std::size_t ball = share.ball.begin, fixed = share.fixed.begin;
       while (work.reached < share.end) {
-        const std::uint32_t next = std::min(work.reached + kRowsAtOnce, share.end);
-        ball = sweep_ball_pairs(t, {ball, end_of(list_.ball_pairs(), {ball, share.ball.end}, next)}, work);
-        fixed = sweep_fixed_pairs(t, {fixed, end_of(list_.fixed_pairs(), {fixed, share.fixed.end}, next)}, work);
+        // Blocks begin at whole multiples, so that none is cut by the end of the ring.
+        const std::uint32_t next = std::min((work.reached / kRowsAtOnce + 1) * kRowsAtOnce, share.end);
+        ball = sweep_ball_pairs(t, {ball, end_of(list_.ball_pairs(), {ball, share.ball.end}, next)}, ring_, work);
+        fixed = sweep_fixed_pairs(t, {fixed, end_of(list_.fixed_pairs(), {fixed, share.fixed.end}, next)}, ring_, work);
         if (work.ball.overloaded || work.fixed.overloaded) break;  // the rows stay for a diagnosis
-        move_rows(Advance::close_and_open, std::max(work.reached, share.own), next, t, 1, work);
+        const std::uint32_t own = std::clamp(share.own, work.reached, next);
+        for (std::uint32_t row = work.reached; row < own; ++row) {
+          work.head[row - share.begin] = std::exchange(sums_of(t)[row & ring_], IntVec{});
+        }
+        move_rows(Advance::close_and_open, own, next, sums_of(t) + (own & ring_), 1, work);
         work.reached = next;
       }
-      sweep_ball_pairs(t, {ball, share.ball.end}, work);
-      sweep_fixed_pairs(t, {fixed, share.fixed.end}, work);
+      sweep_ball_pairs(t, {ball, share.ball.end}, ring_, work);
+      sweep_fixed_pairs(t, {fixed, share.fixed.end}, ring_, work);
     });
     add_up_totals();
-    // The rows that other shares may have added to: their forces are complete only now.
-    share_work(threads_, [this](int t) {
-      const RowShare& share = shares_[static_cast<std::size_t>(t)];
-      move_rows(Advance::close_and_open, share.begin, share.own, 0, threads_, work_[static_cast<std::size_t>(t)]);
-    });
+    share_work(threads_, [this](int t) { move_head(t); });
     take_reports();
   }
+
+  /// The rows that earlier shares may have added to: their forces are complete when all have been swept.
+  void move_head(int t) {
+    const RowShare& share = shares_[static_cast<std::size_t>(t)];
+    Work& work = work_[static_cast<std::size_t>(t)];
+    for (int s = 0; s < t; ++s) {
+      for (std::uint32_t row = share.begin; row < std::min(share.own, shares_[static_cast<std::size_t>(s)].touched); ++row) {
+        const IntVec part = std::exchange(sums_of(s)[row & ring_], IntVec{});
+        for (int k = 0; k < 3; ++k) work.head[row - share.begin].v[k] += part.v[k];
+      }
+    }
+    move_rows(Advance::close_and_open, share.begin, share.own, work.head.data(), 1, work);
+  }
+
+  IntVec* sums_of(int t) { return sums_.data() + static_cast<std::size_t>(t) * stride(); }
 
   /// The first whole vector of the range that has nothing to do with rows below `row`.
   static std::size_t end_of(const PairList& pairs, PairRange range, std::uint32_t row) {
@@ -182,22 +211,22 @@ class UniformStepper final : public BallStepper {
     return range.begin;
   }
 
-  std::size_t sweep_ball_pairs(int t, PairRange range, Work& work) {
-    return sweep(list_.ball_pairs(), range, ball_law_, t, work.ball, work.ball_candidates);
+  std::size_t sweep_ball_pairs(int t, PairRange range, std::uint32_t ring, Work& work) {
+    return sweep(list_.ball_pairs(), range, ball_law_, ring, t, work.ball, work.ball_candidates);
   }
-  std::size_t sweep_fixed_pairs(int t, PairRange range, Work& work) {
-    return sweep(list_.fixed_pairs(), range, fixed_law_, t, work.fixed, work.fixed_candidates);
+  std::size_t sweep_fixed_pairs(int t, PairRange range, std::uint32_t ring, Work& work) {
+    return sweep(list_.fixed_pairs(), range, fixed_law_, ring, t, work.fixed, work.fixed_candidates);
   }
-  std::size_t sweep(const PairList& pairs, PairRange range, const SweepLaw& law, int t, SweepTotals& totals,
+  std::size_t sweep(const PairList& pairs, PairRange range, SweepLaw law, std::uint32_t ring, int t, SweepTotals& totals,
                     CandidateList& found) {
     const PairSpan span{pairs.i.data() + range.begin, pairs.j.data() + range.begin, range.end - range.begin};
-    IntVec* sums = sums_.data() + static_cast<std::size_t>(t) * stride();
+    law.ring = ring;
     if (!events_) {
-      setup_.kernels->sweep(balls_.rows.data(), span, law, sums, totals, nullptr);
+      setup_.kernels->sweep(balls_.rows.data(), span, law, sums_of(t), totals, nullptr);
       return range.end;
     }
     Candidates candidates = found.room_for(span.n);
-    setup_.kernels->sweep(balls_.rows.data(), span, law, sums, totals, &candidates);
+    setup_.kernels->sweep(balls_.rows.data(), span, law, sums_of(t), totals, &candidates);
     found.take(candidates, range.begin);
     return range.end;
   }
@@ -254,18 +283,18 @@ class UniformStepper final : public BallStepper {
       const RowShare& share = shares_[static_cast<std::size_t>(t)];
       Work& work = work_[static_cast<std::size_t>(t)];
       work.moved = {};
-      move_rows(what, share.begin, share.end, 0, threads_, work);
+      move_rows(what, share.begin, share.end, sums_.data() + share.begin, threads_, work);
     });
     if (what != Advance::close) take_reports();  // else positions moved, and were checked, when the step opened
   }
 
-  /// Rows [begin, end) with the sums of `parts` threads from `t` on.
-  void move_rows(Advance what, std::uint32_t begin, std::uint32_t end, int t, int parts, Work& work) {
+  /// Rows [begin, end) with `parts` arrays of sums, the first row's first.
+  void move_rows(Advance what, std::uint32_t begin, std::uint32_t end, IntVec* sums, int parts, Work& work) {
     if (begin >= end) return;
     const auto advance = scheme_ == Integrator::lagged ? setup_.kernels->advance_lagged : setup_.kernels->advance_predicted;
     const AdvanceReport report =
-        advance(what, balls_.rows.data(), sums_.data() + static_cast<std::size_t>(t) * stride(), stride(), parts,
-                opening_.data(), balls_.inverse_mass.data(), list_.skins().data(), advance_, begin, end);
+        advance(what, balls_.rows.data() + begin, sums, stride(), parts, opening_.data() + begin, balls_.inverse_mass.data() + begin,
+                list_.skins().data() + begin, advance_, 0, end - begin);
     work.moved.list_unsafe = work.moved.list_unsafe || report.list_unsafe;
     work.moved.crossed = work.moved.crossed || report.crossed;
   }
@@ -329,7 +358,8 @@ class UniformStepper final : public BallStepper {
   SweepLaw ball_law_, fixed_law_;
   std::vector<RowShare> shares_;  // one per thread
   std::vector<Work> work_;        // likewise
-  std::vector<IntVec> sums_;     // force units, one array per thread
+  std::vector<IntVec> sums_;     // force units, one array per thread; zero between uses
+  std::uint32_t ring_ = kNoRing;  // fused steps keep row r's sums at r & ring
   std::vector<IntVec> opening_;  // force units, the force that opened the step
   std::vector<std::uint32_t> first_hit_;
   SweepTotals ball_totals_, fixed_totals_;

@@ -194,6 +194,27 @@ void expect_same_bits(Run run, const std::string& what) {
   for (const Kernels* set : sets) EXPECT_TRUE(run(*set) == portable) << what << ": " << set->name;
 }
 
+TEST(Kernels, SumsInARingAreThoseOfAllRowsThatShareAPlace) {
+  const std::uint32_t ring = 31;
+  for (const bool fixed : {false, true}) {
+    const Rows rows{TermsOn{}};
+    for (const Kernels* set : runnable_kernels()) {
+      const Swept all = sweep(*set, rows, fixed, false);
+      SweepLaw law = rows.law(fixed);
+      law.ring = ring;
+      std::vector<IntVec> sums(ring + 1);
+      SweepTotals totals;
+      set->sweep(rows.balls.rows.data(), rows.pairs(fixed), law, sums.data(), totals, nullptr);
+      ASSERT_GT(all.sums.size(), 2 * sums.size());
+      std::vector<IntVec> folded(ring + 1);
+      for (std::size_t row = 0; row < all.sums.size(); ++row)
+        for (int k = 0; k < 3; ++k) folded[row & ring].v[k] += all.sums[row].v[k];
+      EXPECT_TRUE(same_bits(sums, folded)) << set->name << ", fixed " << fixed;
+      EXPECT_TRUE(same(totals, all.totals));
+    }
+  }
+}
+
 TEST(Kernels, PortableIsFirstAndTheBestIsOneOfThem) {
   const auto sets = runnable_kernels();
   EXPECT_STREQ(sets.front()->name, "portable");

@@ -54,6 +54,7 @@ void expect_safe(const PairList& ball, const PairList& fixed, int threads) {
   for (std::size_t of = 0; of < shares.size(); ++of) {
     const auto touches = [&](std::uint32_t touched) {
       EXPECT_GE(touched, shares[of].begin);
+      EXPECT_LT(touched, shares[of].touched);
       for (std::size_t t = 0; t < shares.size(); ++t) {
         const bool is_anothers = t != of && touched >= shares[t].own && touched < shares[t].end;
         EXPECT_FALSE(is_anothers) << "row " << touched << ", share " << of;
@@ -76,6 +77,20 @@ TEST(RowShares, NoShareTouchesRowsThatAnotherMovesEarly) {
       }
     }
   }
+}
+
+TEST(VectorReach, IsTheLargestSpanOfRowsInOneVector) {
+  for (const bool both : {true, false}) {
+    const PairList pairs = pairs_among(kRows, 701, 40, 9);  // not a multiple of a vector
+    std::uint32_t reach = 0;
+    for (std::size_t p = 0; p < pairs.count; ++p) {
+      const std::uint32_t last = both ? pairs.j[p] : pairs.i[p];
+      reach = std::max(reach, last - pairs.i[p / kLanes * kLanes]);
+    }
+    EXPECT_EQ(vector_reach(pairs, both), reach);
+    EXPECT_GT(reach, 0u);
+  }
+  EXPECT_EQ(vector_reach(PairList{}, true), 0u);
 }
 
 TEST(RowShares, EmptyAndShortListsGiveEverybodySomethingOrNothing) {

@@ -180,6 +180,24 @@ TEST_P(Uniform, AdvancingInPiecesDoesNotChangeABit) {
   }
 }
 
+// Steps that sweep and move in one go keep force sums only for the rows that are in work. Here these are a part of all.
+TEST(UniformSums, MakeRoomForLaterRowsWithoutChangingABit) {
+  const State many = tests::tray(20, 16, 3);
+  for (const Integrator integrator : {Integrator::predicted, Integrator::lagged}) {
+    StepperSetup setup = tray_setup(integrator);
+    setup.stepping.events = false;
+    setup.outlet_open = false;
+    const auto stepper = make_uniform_stepper(many, setup);
+    for (int k = 0; k < kSteps / 4; ++k) stepper->advance(1);  // swept first, then moved
+    const Outcome apart = outcome(*stepper);
+    EXPECT_GT(stepper->contacts().size(), 5000U);
+    for (const int threads : {1, 2, 4, 7}) {
+      setup.threads = threads;
+      expect_same_bits(run(many, setup, kSteps / 4), apart, std::to_string(threads) + " threads");
+    }
+  }
+}
+
 TEST_P(Uniform, RestartContinuesBitForBit) {
   const Outcome whole = run(start(), setup());
   // Stopped and started again and again, at every step for a while: whatever happens there, happens in one of them.
