@@ -60,10 +60,9 @@ void add_pair(Report& report, const std::string& key, const std::string& label, 
 
 void add_stability(Report& report, const core::State& state, const StepperSetup& setup, double m) {
   const double step = *setup.stepping.step;
-  const core::Integrator integrator = setup.stepping.integrator;
-  const core::StepBounds bounds = critical_steps(state, setup.materials, setup.outlet_open, integrator);
-  const double pair = core::critical_step_of_pair(setup.materials.ball, 2.0 / m, integrator);
-  const double wall_pair = core::critical_step_of_pair(setup.materials.wall, 1.0 / m, integrator);
+  const core::StepBounds bounds = critical_steps(state, setup.materials, setup.outlet_open, setup.stepping);
+  const double pair = core::critical_step_of_pair(setup.materials.ball, 2.0 / m, setup.stepping);
+  const double wall_pair = core::critical_step_of_pair(setup.materials.wall, 1.0 / m, setup.stepping);
   report.add("critical_step_pair", "critical step of two mean balls", pair, "s");
   if (has_fixed(state)) report.add("critical_step_wall_pair", "critical step of a mean ball at the wall", wall_pair, "s");
   report.add("critical_step", "critical step of this state", bounds.smallest, "s");

@@ -57,8 +57,8 @@ StepperSetup phase_setup(const Scene& scene, const Phase& phase, const State& st
   if (!std::isfinite(wanted)) {  // no contacts yet, as before a filling: the stiffest contact to come tells
     constexpr double kSafety = 0.7;
     const double mass = mean_ball(state, setup.materials).mass;
-    wanted = kSafety * std::min(core::critical_step_of_pair(setup.materials.ball, 2.0 / mass, phase.stepping.integrator),
-                                core::critical_step_of_pair(setup.materials.wall, 1.0 / mass, phase.stepping.integrator));
+    wanted = kSafety * std::min(core::critical_step_of_pair(setup.materials.ball, 2.0 / mass, phase.stepping),
+                                core::critical_step_of_pair(setup.materials.wall, 1.0 / mass, phase.stepping));
   }
   setup.stepping.step = core::step_for(phase.every, wanted).step;
   if (setup.stepping.method == core::Method::multirate && setup.stepping.fallback) {

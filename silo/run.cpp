@@ -144,7 +144,7 @@ class Run {
     at_.watch = {-1, -1, discharged, static_cast<std::int64_t>(state.count(core::Kind::content)), discharged, 0};
 
     const Report report = phase_report(phase(), state, setup);
-    const core::StepBounds bounds = critical_steps(state, setup.materials, setup.outlet_open, setup.stepping.integrator);
+    const core::StepBounds bounds = critical_steps(state, setup.materials, setup.outlet_open, setup.stepping);
     critical_step_ = bounds.smallest;
     fmt::print("\nphase {} of {}, from {:.6g} s\n{}", at_.phase + 1, scene_.phases.size(), at_.phase_start,
                report.text(2));
