@@ -36,7 +36,8 @@ struct LevelStatistics {
   std::vector<double> balls;      // mean number of balls stepped at this level
   std::vector<double> contacts;   // mean number of contacts evaluated at this level
   double listed = 0.0;            // pairs in the list now: what a uniform step evaluates
-  double renewals = 0.0;          // evaluations of all listed pairs per coarsest step, for classes
+  double renewals = 0.0;          // evaluations of all listed pairs per coarsest step, for classes and after new lists
+  int renew_every = 0;            // coarsest steps between regular renewals of classes; 0 without classes
   bool ran_out = false;           // even with all balls at level 0 the tolerance was not to be had, at some time
 };
 

@@ -71,7 +71,9 @@ template <class Real>
 [[gnu::always_inline]] inline void store(std::int8_t* to, bool value) { *to = value ? -1 : 0; }
 [[gnu::always_inline]] inline void store(std::int8_t* to, Int8 mask) { *reinterpret_cast<Char8*>(to) = __builtin_convertvector(mask, Char8); }
 
-template <class Real>
+/// A fixed ball's contact is stiff, and others can push the ball into it before the next renewal: unless it is skipped
+/// it counts for stability, near or not.
+template <class Real, bool kBoth>
 [[gnu::always_inline]] inline void judge(const core::PairRecords& book, const NeedParameters& w, std::size_t p, std::size_t q, const Gathered& in,
                      Level* level, Judged& out) {
   const Real overlap = load<Real>(book.overlap + p), rate = load<Real>(book.rate + p);
@@ -84,9 +86,11 @@ template <class Real>
   const PairMotion<Real> motion =
       motion_of(overlap, rate, load<Real>(in.acceleration + q), w.k * inverse_mass, w.speed2);
   store(reinterpret_cast<std::int8_t*>(level + p), is_skipped);
-  store(out.asks + q, !is_skipped && !is_far);
-  store<Real>(out.smooth4 + q, motion.is_impact ? Real{} : motion.urgency4);
-  store<Real>(out.impact4 + q, motion.is_impact ? motion.urgency4 : Real{});
+  const Real urgency4 = is_far ? Real{} : motion.urgency4;
+  if constexpr (kBoth) store(out.asks + q, !is_skipped && !is_far);
+  else store(out.asks + q, !is_skipped);
+  store<Real>(out.smooth4 + q, motion.is_impact ? Real{} : urgency4);
+  store<Real>(out.impact4 + q, motion.is_impact ? urgency4 : Real{});
   store<Real>(out.scale + q, inverse_mass * w.per_unit);
 }
 
@@ -133,8 +137,8 @@ void add_needs_of(const core::PairSpan& pairs, const core::PairRecords& book, co
     const std::size_t n = end - first < kBlock ? end - first : kBlock;
     gather<kBoth>(pairs, book, paths, margin, first, n, gathered);
     std::size_t q = 0;
-    for (; q + 8 <= n; q += 8) judge<Real8>(book, with, first + q, q, gathered, level, judged);
-    for (; q < n; ++q) judge<double>(book, with, first + q, q, gathered, level, judged);
+    for (; q + 8 <= n; q += 8) judge<Real8, kBoth>(book, with, first + q, q, gathered, level, judged);
+    for (; q < n; ++q) judge<double, kBoth>(book, with, first + q, q, gathered, level, judged);
     add_block<kBoth>(pairs, book, first, n, judged, needs, first_row);
   }
 }

@@ -28,7 +28,7 @@ struct NeedParameters {
 };
 
 /// Marks pairs [begin, end) that cannot touch within the interval as kSkipped, others as 0, and adds what these ask to
-/// `needs` of their balls, rows from `first_row` on. Pairs as recorded at the end of a step, `paths` as they go on; `margin`
+/// `needs` of their balls: urgencies if they are about to touch, and then, or if one ball is fixed, their normals. Rows from `first_row` on. Pairs as recorded at the end of a step, `paths` as they go on; `margin`
 /// [m] is how far a ball may stray from its straight path. Sums are whole numbers, so that any order gives the same.
 using AddNeeds = void (*)(core::PairSpan, const core::PairRecords&, const core::Path* paths, const double* margin,
                           const NeedParameters&, Level* level, Need* needs, std::uint32_t first_row, std::size_t begin,

@@ -153,6 +153,7 @@ class MultirateStepper final : public core::BallStepper {
     if (is_list_worn()) relist();
     classify(true);
     costs_ = setup.costs;
+    records_ = 0;
   }
 
   bool is_checkpointable() const override { return renewed_at_ == steps_done_; }
@@ -190,7 +191,8 @@ class MultirateStepper final : public core::BallStepper {
 
   core::LevelStatistics level_statistics() const override {
     core::LevelStatistics out;
-    out.renewals = 1.0 / renew_every_;
+    out.renew_every = renew_every_;
+    out.renewals = coarse_steps_ > 0 ? static_cast<double>(records_) / static_cast<double>(coarse_steps_) : 1.0 / renew_every_;
     out.ran_out = ran_out_;
     out.listed = static_cast<double>(list_.ball_pairs().count + list_.fixed_pairs().count);
     for (Level l = 0; l < ladder_.levels(); ++l) {
@@ -356,6 +358,7 @@ class MultirateStepper final : public core::BallStepper {
   template <class See>
   Opened record(const std::vector<BallRow>& rows, bool summing, See see) {
     list_.count_sweep();
+    ++records_;
     Opened total{{}, {}, 0.5 * ladder_.tick()};
     if (summing) parts_ = threads_;
     for (const bool fixed : {false, true}) {
@@ -744,7 +747,7 @@ class MultirateStepper final : public core::BallStepper {
   std::vector<Opened> opened_;
   std::vector<std::size_t> level_count_;
   std::vector<std::int64_t> balls_at_, contacts_at_;  // sums over coarse steps
-  std::int64_t coarse_steps_ = 0;
+  std::int64_t coarse_steps_ = 0, records_ = 0;
   std::int64_t renewed_at_ = 0;
   Level finest_ = 0;
   bool crossed_ = false;

@@ -76,7 +76,8 @@ Found expected(const Pairs& pairs) {
     const double gap = -overlap - w.reach;
     const double room = pairs.margin[i] + (w.both ? pairs.margin[j] : 0.0);
     out.level[p] = gap > double{d.speed} * w.interval + room ? kSkipped : Level{0};
-    if (out.level[p] == kSkipped || gap > kAccelerating * std::max(rate, 0.0) * w.interval + w.soon) continue;
+    const bool is_far = gap > kAccelerating * std::max(rate, 0.0) * w.interval + w.soon;
+    if (out.level[p] == kSkipped || (is_far && w.both)) continue;
     const core::Path none{};
     const core::Path &a = pairs.paths[i], &b = w.both ? pairs.paths[j] : none;
     const double acceleration = (a.ax - b.ax) * n.x() + (a.ay - b.ay) * n.y() + (a.az - b.az) * n.z();
@@ -86,7 +87,7 @@ Found expected(const Pairs& pairs) {
     const auto add = [&](Need& need) {
       for (int k = 0; k < 6; ++k) need.matrix[k] += nn.entry[k];
       double& urgency4 = motion.is_impact ? need.impact4 : need.smooth4;
-      urgency4 = std::max(urgency4, motion.urgency4);
+      urgency4 = std::max(urgency4, is_far ? 0.0 : motion.urgency4);
     };
     add(out.needs[i]);
     if (w.both) add(out.needs[j]);

@@ -79,9 +79,7 @@ inline const core::State& flowing_silo() {
 }
 
 /// Coarse steps between regular renewals of a selective stepper's classes.
-inline int renew_every(const core::Stepper& stepper) {
-  return static_cast<int>(std::lround(1.0 / stepper.level_statistics().renewals));
-}
+inline int renew_every(const core::Stepper& stepper) { return stepper.level_statistics().renew_every; }
 
 /// Expects the same balls at the same positions with the same velocities, bit for bit.
 inline void expect_same_bits(const core::State& a, const core::State& b) {
