@@ -271,10 +271,9 @@ GC_INLINE Evaluated evaluate(const Gathered& d, const SweepLaw& law, LaneTotals&
   // The law in force units: these are powers of two, so it says the same to the bit.
   const double k = law.law.k * law.per_unit, c = law.law.c * law.per_unit, per_total = law.per_total / law.per_unit;
   const Real force = contact_force<T>(out.overlap, out.rate, k, c, law.law.reach);
-  const Real scaled = force * inverse;
-  out.fx = __builtin_convertvector(scaled * d.x, Int);
-  out.fy = __builtin_convertvector(scaled * d.y, Int);
-  out.fz = __builtin_convertvector(scaled * d.z, Int);
+  out.fx = __builtin_convertvector(force * out.nx, Int);
+  out.fy = __builtin_convertvector(force * out.ny, Int);
+  out.fz = __builtin_convertvector(force * out.nz, Int);
   if (!law.both) {
     totals.fx += out.fx;
     totals.fy += out.fy;
