@@ -10,17 +10,16 @@ namespace grainclock::scale {
 
 // Counted in core/kernels.cpp, with comparisons, conversions and masks as operations.
 //   pair: difference of two rows 8; distance squared and product with the velocity 10; root, division, normal, overlap, rate, law 13;
-//         integer force 7; magnitude, power, turnover and their sums 18; limits 5; added to two balls 6
-//   ball: velocity closed 13, acceleration 10, path 18, skin 9, domain 7, bound for events 5
-// Arrays of core/rows.hpp and core/uniform.cpp: rows, force sums and opening forces read and written; inverse masses,
-// skins and the pair list read.
+//         integer force 6; magnitude, power, turnover and their sums 14; limits 5; added to two balls 6
+//   ball: velocity closed 13, acceleration 10, path 18, skin 9, domain 7
+// Arrays of core/rows.hpp and core/uniform.cpp: rows and opening forces read and written; inverse masses, skins and the
+// pair list read. Force sums are kept for the rows in work only, and stay in the cache.
 Counts uniform_counts() {
   Counts counts;
-  counts.operations_per_pair = 8 + 10 + 13 + 7 + 18 + 5 + 6;
-  counts.operations_per_ball = 13 + 10 + 18 + 9 + 7 + 5;
+  counts.operations_per_pair = 8 + 10 + 13 + 6 + 14 + 5 + 6;
+  counts.operations_per_ball = 13 + 10 + 18 + 9 + 7;
   counts.bytes_per_pair = 2 * sizeof(std::uint32_t);
-  counts.bytes_per_ball = 2 * (sizeof(core::BallRow) + sizeof(core::IntVec) + sizeof(core::IntVec)) + sizeof(double) +
-                          sizeof(core::SkinReference);
+  counts.bytes_per_ball = 2 * (sizeof(core::BallRow) + sizeof(core::IntVec)) + sizeof(double) + sizeof(core::SkinReference);
   return counts;
 }
 

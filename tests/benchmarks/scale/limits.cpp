@@ -7,8 +7,8 @@ namespace {
 
 TEST(Limits, BytesAreThoseOfTheArrays) {
   const Counts counts = uniform_counts();
-  // Row 64, force sum 32, opening force 32: read and written; inverse mass 8 and skin 32: read. A pair is two 32-bit numbers.
-  EXPECT_EQ(counts.bytes_per_ball, 2 * (64 + 32 + 32) + 8 + 32);
+  // Row 64, opening force 32: read and written; inverse mass 8 and skin 32: read. A pair is two 32-bit numbers.
+  EXPECT_EQ(counts.bytes_per_ball, 2 * (64 + 32) + 8 + 32);
   EXPECT_EQ(counts.bytes_per_pair, 8);
 }
 
