@@ -1,7 +1,7 @@
 #!/bin/sh
 # Installs what is missing, builds grainclock, makes the start states, runs the accuracy-versus-speed studies up to the
 # paper's full silo, and leaves charts and an HTML report in out/report.
-#   ./run.sh              everything on one start state (about a quarter of an hour on two cores)
+#   ./run.sh              everything on one start state (about twenty minutes on two cores)
 #   ./run.sh --starts 3   the full silo from three start states (longer)
 #   ./run.sh --quick      small scenes only (a minute or two, after the build)
 #   ./run.sh --threads N  for filling and pictures; studies compare methods on one core. Default: all cores
@@ -15,7 +15,8 @@ fail() { echo "run.sh: $*; try --help" >&2; exit 2; }
 # Threads that wait for each other give way soon, so that a busy machine slows a run down by no more than its share.
 export GOMP_SPINCOUNT="${GOMP_SPINCOUNT:-20000}"
 
-small="pair chain pile mini" others="printed stability mini-statistics table1-crosscheck" main=table1-flow
+small="pair chain pile mini"
+others="fines inclusion small-outlet gas printed table1-printed stability mini-statistics table1-crosscheck" main=table1-flow
 seeds=1 threads=$(nproc) out=""
 while [ $# -gt 0 ]; do
   case "$1" in
@@ -40,7 +41,7 @@ done
 
 # Steps with the minutes they take on two cores, for the estimate of the remaining time only.
 count() { echo "$*" | wc -w; }
-minutes_of() { case "$1" in table1-flow*) echo $((6 * $(count $seeds))) ;; *) echo 1 ;; esac; }
+minutes_of() { case "$1" in table1-flow*) echo $((6 * $(count $seeds))) ;; table1-printed) echo 2 ;; *) echo 1 ;; esac; }
 left=3
 for study in $small $others $main; do left=$((left + $(minutes_of "$study"))); done
 began=$(date +%s)
@@ -102,6 +103,7 @@ step 1 "Start states"
 start_state mini 1
 case "$others" in *mini-statistics*) for seed in 2 3; do start_state mini $seed; done ;; esac
 case "$main" in table1*) for seed in $seeds; do start_state table1 $seed; done ;; esac
+case "$others" in *fines*) benchmarks/scenes/make_starts.sh "$program" >"$out/starts.log" ;; esac
 
 studies=""
 for study in $main $small $others; do
