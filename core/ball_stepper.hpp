@@ -3,6 +3,7 @@
 
 #include "core/events.hpp"
 #include "core/neighbours.hpp"
+#include "core/share_work.hpp"
 #include "core/stepper.hpp"
 
 #include <cmath>
@@ -42,16 +43,6 @@ class BallStepper : public Stepper {
   [[noreturn]] void throw_overloaded(const std::function<bool(std::uint32_t)>& counts = [](std::uint32_t) { return true; }) const;
   /// Seconds from the start of the time line of this stepper to now.
   double elapsed() const { return static_cast<double>(steps_done_ - first_step_) * step_; }
-  /// Calls work(t) for t from 0 to parts - 1, by as many threads.
-  template <class Work>
-  static void share_work(int parts, Work work) {
-    if (parts == 1) {
-      work(0);
-      return;
-    }
-#pragma omp parallel for num_threads(parts) schedule(static, 1)
-    for (int t = 0; t < parts; ++t) work(t);
-  }
   /// Gravity, domain, unit and coarsest step for the kernels.
   AdvanceParameters advance_parameters() const;
   Vec3 newtons(const IntVec& force) const {

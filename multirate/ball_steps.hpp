@@ -1,0 +1,73 @@
+// What every ball keeps between its own step ends, and the force sums of a tick.
+#pragma once
+
+#include "core/balls.hpp"
+#include "core/kernels.hpp"
+#include "multirate/time_line.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+#include <vector>
+
+namespace grainclock::multirate {
+
+/// By row. What `balance` stands for is the interface strategy's business (interface.hpp).
+struct BallSteps {
+  std::vector<core::Path> paths;
+  std::vector<core::IntVec> balance;     // force units times half ticks; the far row has one too
+  std::vector<Level> level;              // of the balls' own steps
+  std::vector<Level> before;             // the same before the present renewal
+  std::vector<core::WeightedSum> sums;   // one array per thread, of the content and the far row
+  std::size_t stride = 0;                // length of such an array
+  int parts = 1;                         // arrays in use since the last kick
+
+  core::WeightedSum* sums_of(int thread) { return sums.data() + static_cast<std::size_t>(thread) * stride; }
+
+  /// The force sum of a ball whose contacts have all been evaluated.
+  core::IntVec total_force(std::uint32_t row) const {
+    core::IntVec sum;
+    for (std::size_t first = 0; first < sums.size(); first += stride) {
+      const core::IntVec& part = sums[first + row].force;
+      for (int k = 0; k < 3; ++k) sum.v[k] += part.v[k];
+    }
+    return sum;
+  }
+  /// A row's sums of this tick, which it uses up.
+  core::WeightedSum take_sums(std::uint32_t row) {
+    core::WeightedSum sum;
+    for (int t = 0; t < parts; ++t) {
+      core::WeightedSum& part = sums_of(t)[row];
+      for (int k = 0; k < 3; ++k) {
+        sum.force.v[k] += part.force.v[k];
+        sum.impulse.v[k] += part.impulse.v[k];
+      }
+      part = {};
+    }
+    return sum;
+  }
+  void clear_sums() {
+    std::fill(sums.begin(), sums.end(), core::WeightedSum{});
+    parts = 1;
+  }
+  /// Follows a new order of the rows; clears the sums.
+  void follow_order(std::span<const std::uint32_t> order, std::vector<core::BallRow>& spare, int threads) {
+    core::reorder_like(paths, order, spare, threads);
+    core::reorder_like(balance, order, spare, threads);
+    core::reorder_like(level, order, spare, threads);
+    stride = order.size() + 1;
+    balance.resize(stride);
+    sums.assign(static_cast<std::size_t>(threads) * stride, core::WeightedSum{});
+  }
+};
+
+/// Lets a row go on under `force` [units of `unit` N], its force sum at present. `gravity` in m/s2.
+inline void begin_path(core::BallRow& row, core::Path& path, const core::IntVec& force, const core::Vec3& gravity, double unit) {
+  path.opening = force;
+  const double inertia = unit * path.inverse_mass;  // as the kernels do it
+  double* a[3] = {&path.ax, &path.ay, &path.az};
+  for (int k = 0; k < 3; ++k) *a[k] = gravity[k] + static_cast<double>(force.v[k]) * inertia;
+  row.a = std::abs(path.ax) + std::abs(path.ay) + std::abs(path.az);
+}
+
+}  // namespace grainclock::multirate

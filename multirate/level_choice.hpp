@@ -1,0 +1,78 @@
+// The level of every ball, and of the contacts that it takes part in, from what its listed pairs ask of it (classes.hpp).
+#pragma once
+
+#include "core/balls.hpp"
+#include "core/neighbours.hpp"
+#include "core/stepper.hpp"
+#include "multirate/ball_steps.hpp"
+#include "multirate/limiter.hpp"
+#include "multirate/pair_book.hpp"
+
+#include <vector>
+
+namespace grainclock::multirate {
+
+/// Circular frequency of two undamped balls of this diameter in contact [1/s].
+double omega(const core::Materials& materials, double diameter);
+
+/// The last evaluation of all listed pairs, at the end of everyone's step.
+struct Recorded {
+  const core::Balls& balls;
+  const core::PairList& ball_pairs;
+  const core::PairList& fixed_pairs;
+  PairBook* books;                    // of the pairs among balls and with fixed balls; levels: see AddNeeds
+  const std::vector<double>& margin;  // m, how far each ball may stray from its straight path
+};
+
+/// Where contacts have the finer level of their two balls, a ball's step is for all its contacts together. Where they have
+/// levels of their own, the step for contacts among balls and the one for those with fixed balls are chosen apart.
+class LevelChoice {
+ public:
+  /// `interval` [s] is the time between renewals, `length_scale` [m] the mean diameter.
+  LevelChoice(const Ladder& ladder, const core::StepperSetup& setup, const core::ContactLaw& ball_law,
+              const core::ContactLaw& fixed_law, double length_scale, double interval, bool has_contact_levels);
+
+  void follow_order(std::size_t balls);
+  /// Chooses `steps.level`, keeps what it was in `steps.before`, and marks pairs that cannot touch before the next renewal.
+  void choose(const Recorded& recorded, BallSteps& steps);
+  /// A contact with (or without) fixed balls has the finer of these levels of its balls.
+  const std::vector<Level>& for_contacts(bool fixed, const BallSteps& steps) const;
+  /// Whether even with all balls at level 0 the tolerance was not to be had, at some time.
+  bool ran_out() const { return ran_out_; }
+
+ private:
+  /// 1/s4, what a ball's smooth pairs and its impacts ask of its step, see classes.hpp.
+  struct Urgency {
+    double smooth4 = 0.0, impact4 = 0.0;
+  };
+  /// Which contacts a level is for.
+  enum class Kinds { all, ball, fixed };
+
+  void find_needs(const Recorded& recorded, const BallSteps& steps);
+  void choose_for(Kinds kinds, const Recorded& recorded, const BallSteps& steps, std::vector<Level>& level);
+  void share_error(double error_factor, double Urgency::*urgency4, const std::vector<Level>& before, std::vector<Level>& level);
+  Level classed(double urgency4, double reach4, Level now) const;
+  double mean_square_speed(const core::Balls& balls) const;
+  NeedParameters need_parameters(bool fixed) const;
+  /// Calls work(begin, end) for shares of the content, by threads.
+  template <class Work>
+  void share_balls(Work work) const;
+
+  Ladder ladder_;
+  core::StepperSetup setup_;
+  double length_scale_, interval_;
+  bool has_contact_levels_;
+  int threads_;
+  core::ContactLaw laws_[2];  // among balls, with fixed balls
+  AddNeeds add_needs_;
+  std::vector<std::vector<Need>> needs_;  // per thread, of pairs among balls; clear between renewals
+  PairsBeyond beyond_;                    // per thread
+  std::vector<Urgency> urgency_;
+  std::vector<double> strides4_;          // see shared_reach4()
+  std::vector<Level> among_balls_, with_fixed_;  // only of contacts with levels of their own
+  double speed2_ = 0.0;                   // m2/s2, see mean_square_speed()
+  double largest_inverse_mass_ = 0.0;
+  bool ran_out_ = false;
+};
+
+}  // namespace grainclock::multirate
