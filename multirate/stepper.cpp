@@ -472,8 +472,7 @@ std::unique_ptr<core::Stepper> make_multirate_stepper(const core::State& state, 
 }
 
 double default_step(const core::State& state, const core::StepperSetup& setup) {
-  const core::StepBounds bounds =
-      core::critical_steps(state, setup.materials, setup.outlet_open, setup.stepping.integrator);
+  const core::StepBounds bounds = core::critical_steps(state, setup.materials, setup.outlet_open, setup.stepping);
   if (setup.stepping.method == core::Method::uniform) return 0.7 * bounds.smallest;
   // The coarsest step is for the bulk, with room for moments when contacts crowd: three quarters of what the median of
   // the balls that touch anything can take. Balls that cannot take it step finer.
