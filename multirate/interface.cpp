@@ -11,7 +11,9 @@ struct Offer {
   std::unique_ptr<InterfaceStrategy> (*make)(const InterfaceSetup&);
   bool takes_events;  // stepping.events
 };
-constexpr Offer kOffers[] = {{core::Interface::accumulate, make_accumulate, true}};
+constexpr Offer kOffers[] = {{core::Interface::accumulate, make_accumulate, true},
+                             {core::Interface::frozen, make_frozen, false},
+                             {core::Interface::impulse, make_impulse, false}};
 
 }  // namespace
 
@@ -24,7 +26,7 @@ std::unique_ptr<InterfaceStrategy> make_interface(const core::Stepping& stepping
     return offer.make(setup);
   }
   throw core::InputError(fmt::format(
-      "stepping.interface = \"{}\" is not offered by this version; use \"accumulate\"",
+      "stepping.interface = \"{}\" is not offered by this version; use \"accumulate\", \"frozen\" or \"impulse\"",
       name(stepping.interface)));
 }
 

@@ -43,5 +43,7 @@ std::unique_ptr<InterfaceStrategy> make_interface(const core::Stepping& stepping
 
 // Each in the file of its name.
 std::unique_ptr<InterfaceStrategy> make_accumulate(const InterfaceSetup& setup);
+std::unique_ptr<InterfaceStrategy> make_frozen(const InterfaceSetup& setup);
+std::unique_ptr<InterfaceStrategy> make_impulse(const InterfaceSetup& setup);
 
 }  // namespace grainclock::multirate

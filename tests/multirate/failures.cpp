@@ -39,8 +39,12 @@ TEST(Refusals, NameTheKeyItsValueAndWhatIsOffered) {
               {"stepping.integrator", "pece", "predicted"});
   expect_says(refusal([](StepperSetup& s) { s.stepping.dashpot = core::Dashpot::relaxed; }),
               {"stepping.dashpot", "relaxed", "explicit"});
-  expect_says(refusal([](StepperSetup& s) { s.stepping.interface = core::Interface::impulse; }),
-              {"stepping.interface", "impulse", "accumulate"});
+  expect_says(refusal([](StepperSetup& s) { s.stepping.interface = core::Interface::extrapolate; }),
+              {"stepping.interface", "extrapolate", "accumulate", "frozen", "impulse"});
+  for (const core::Interface its : {core::Interface::impulse, core::Interface::frozen}) {
+    expect_says(refusal([its](StepperSetup& s) { s.stepping.interface = its; }),
+                {"stepping.events = true", std::string(name(its)), "events = false", "accumulate"});
+  }
   expect_says(refusal([](StepperSetup& s) { s.first_impact = true; }), {"first_impact", "uniform"});
 }
 

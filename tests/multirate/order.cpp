@@ -1,7 +1,7 @@
 // Order of convergence with a fixed split of levels, and stability at the interfaces between them.
 #include "multirate/stepper.hpp"
 
-#include "tests/support/balls.hpp"
+#include "tests/support/cage.hpp"
 #include "tests/support/order.hpp"
 
 #include <gtest/gtest.h>
@@ -14,62 +14,11 @@ namespace {
 using core::Kind;
 using core::State;
 using core::Vec3;
+using tests::Cage;
+using tests::kUnitMass;
+using tests::levels_of;
 
-constexpr double kRadius = 0.1;                                                             // m
-constexpr double kUnitMass = 3.0 / (4.0 * std::numbers::pi * kRadius * kRadius * kRadius);  // kg/m3, for balls of 1 kg
-
-std::vector<int> levels_of(const core::Stepper& stepper) {
-  const State state = stepper.state();
-  std::vector<int> out;
-  for (std::size_t i = 0; i < state.size(); ++i)
-    if (state.kind[i] == Kind::content) out.push_back(state.level[i]);
-  return out;
-}
-
-/// A ball circles between six stiff fixed ones, so that it is always fast at one of them; a soft column rests
-/// on it along n. Every contact stays closed and, with tension, smooth.
-struct Cage {
-  static constexpr int kColumn = 3;
-  static constexpr double kCoarsest = 4e-4;  // s, the largest coarse step; the circling ball's period is 6.3 ms
-  static constexpr double kOverlap = 2e-3, kOrbit = 5e-4;  // m
-  static constexpr double kTolerance = 2.3e-4;             // the circling ball at level 0, the column at the coarsest
-
-  State start;
-  core::StepperSetup setup;
-
-  Cage() {
-    constexpr double k_wall = 5e5, k_ball = k_wall / 3600.0;  // N/m
-    const double w = std::sqrt(2.0 * k_wall);                // 1/s, two wall contacts along each axis, 1 kg
-    setup.materials.density = kUnitMass;
-    setup.materials.wall = {k_wall, 0.01 * w};
-    setup.materials.ball = {k_ball, 0.2 * std::sqrt(k_ball)};
-    setup.materials.tension = true;
-    const Vec3 n = Vec3(1.0, 1.0, 1.0).normalized();
-    setup.gravity = -k_ball * kOverlap / kColumn * n;  // presses the lowest contact of the column by kOverlap
-    setup.stepping.levels = 4;
-    setup.stepping.limiter = 2;
-
-    start.add(0, Kind::content, Vec3(kOrbit, 0.0, 0.0), Vec3(0.0, kOrbit * w, 0.0), kRadius);
-    double along = 0.0;
-    for (int k = 0; k < kColumn; ++k) {
-      along += 2.0 * kRadius - kOverlap * (kColumn - k) / kColumn;
-      start.add(k + 1, Kind::content, along * n, Vec3::Zero(), kRadius);
-    }
-    core::BallId id = kColumn + 1;
-    for (int axis = 0; axis < 3; ++axis)
-      for (const double side : {-1.0, 1.0}) {
-        Vec3 at = Vec3::Zero();
-        at[axis] = side * (1.2 * kRadius - kOverlap);
-        start.add(id++, Kind::wall, at, Vec3::Zero(), 0.2 * kRadius);
-      }
-  }
-
-  /// Steps may be as long as the root of the tolerance: these two keep the split of levels.
-  void divide(int division) {
-    setup.stepping.step = kCoarsest / division;
-    setup.stepping.tolerance = kTolerance / (division * division);
-  }
-};
+constexpr double kRadius = tests::kUnitRadius;  // m
 
 TEST(Order, IsTwoWithAFixedSplitOfLevels) {
   Cage cage;

@@ -1,0 +1,191 @@
+// Strategy impulse: what its head claims, good and bad.
+#include "tests/support/order.hpp"
+#include "tests/support/spinning_cloud.hpp"
+#include "tests/support/two_springs.hpp"
+
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+namespace grainclock::multirate {
+namespace {
+
+using core::Interface;
+using tests::Swing;
+using tests::TwoSprings;
+
+/// A coarse step of `step` [s], n fine ones for the stiff spring.
+Swing theory(Swing s, double step, int n) {
+  const double h = step / n;
+  const auto soft = [&] {
+    const double half = 0.5 * step * TwoSprings::soft_force(s);
+    s[1] += half;
+    s[3] -= half / TwoSprings::kHeavy;
+  };
+  const auto stiff = [&] { s[1] += 0.5 * h * TwoSprings::stiff_force(s); };
+  soft();
+  for (int k = 0; k < n; ++k) {
+    stiff();
+    s[0] += h * s[1];
+    s[2] += h * s[3];
+    stiff();
+  }
+  soft();
+  return s;
+}
+
+TEST(Impulse, ResonatesOnTwoSpringsWhereTheorySays) {
+  TwoSprings springs(Interface::impulse);
+  int stable = 0, bands = 0;
+  bool was_in_band = false;
+  for (double phase = 0.5; phase < 7.6; phase += 0.02) {
+    SCOPED_TRACE(testing::Message() << "phase per coarse step " << phase);
+    const double step = phase / TwoSprings::stiff_frequency();
+    const std::vector<int> levels = tests::levels_of(*springs.stepper(Swing::Zero(), step));
+    ASSERT_EQ(levels[1], 7);
+    const int n = 1 << (7 - levels[0]);
+    const double expected = tests::growth_of([&](const Swing& s) { return theory(s, step, n); });
+    const double growth = tests::measured_growth(springs, step);
+    // Swings of 1e-7 m are rounded to 1e-16 m, and bend the springs by 1e-6 of themselves; at the edge of a band, where two
+    // eigenvalues meet, growth goes with the root of that.
+    EXPECT_NEAR(growth, expected, expected > 1e-2 ? 1e-5 : 2e-3);
+    const bool is_in_band = expected > 1e-2;
+    bands += is_in_band && !was_in_band;
+    was_in_band = is_in_band;
+    stable += !is_in_band;
+    if (!is_in_band) continue;
+    // Half a period of the stiff spring as its fine steps have it, or a multiple, less what the soft spring and the heavy
+    // ball's own swing add to the phase: 0.2 half periods each at these steps.
+    const double halves = 2.0 * n * std::asin(0.5 * phase / n) / std::numbers::pi;
+    EXPECT_LT(std::ceil(halves) - halves, 0.4);
+  }
+  EXPECT_EQ(bands, 4);      // one, two (twice, with two fine steps and with four) and three halves of the period
+  EXPECT_GT(stable, 250);   // of 355
+}
+
+TEST(Impulse, DampingClosesTheBandsLate) {
+  // A damping ratio of 0.1 is not enough where accumulate needs 0.02; 0.3 is.
+  for (const double ratio : {0.02, 0.1, 0.3}) {
+    TwoSprings springs(Interface::impulse);
+    springs.damp(ratio);
+    double worst = -1.0;
+    for (double phase = 2.2; phase < 5.6; phase += 0.05)
+      worst = std::max(worst, tests::measured_growth(springs, phase / TwoSprings::stiff_frequency()));
+    EXPECT_EQ(worst > 1e-2, ratio < 0.2) << "damping ratio " << ratio << ", growth " << worst;
+  }
+}
+
+/// Mean kinetic energy [J] of a ball that rests on a stiff wall, and of a heavier one on top, after they had time to rest.
+double kinetic_at_rest(Interface interface) {
+  constexpr double k_wall = 1e6, k_ball = 1e5, heavy = 8.0, g = 10.0, ratio = 0.05;
+  core::StepperSetup setup;
+  setup.gravity = core::Vec3(-g, 0.0, 0.0);
+  setup.materials.density = tests::kUnitMass;
+  setup.materials.wall = {k_wall, 2.0 * ratio * std::sqrt(k_wall)};
+  setup.materials.ball = {k_ball, 2.0 * ratio * std::sqrt(k_ball * heavy / (1.0 + heavy))};
+  setup.stepping.interface = interface;
+  setup.stepping.events = false;
+  setup.stepping.tolerance = 1e3;
+  setup.stepping.step = 3.0 / std::sqrt(k_wall);
+  const double light_x = 2.0 * tests::kUnitRadius - (1.0 + heavy) * g / k_wall;
+  const double heavy_x = light_x + 3.0 * tests::kUnitRadius - heavy * g / k_ball;
+  core::State state;
+  state.add(0, core::Kind::content, core::Vec3(light_x, 0.0, 0.0), core::Vec3::Zero(), tests::kUnitRadius);
+  state.add(1, core::Kind::content, core::Vec3(heavy_x, 0.0, 0.0), core::Vec3::Zero(), 2.0 * tests::kUnitRadius);
+  state.add(2, core::Kind::wall, core::Vec3::Zero(), core::Vec3::Zero(), tests::kUnitRadius);
+  const auto stepper = make_multirate_stepper(state, setup);
+  EXPECT_EQ(tests::levels_of(*stepper), (std::vector<int>{6, 7}));
+  stepper->advance(2000);
+  constexpr int kSamples = 100;
+  double sum = 0.0;
+  for (int k = 0; k < kSamples; ++k) {
+    stepper->advance(1);
+    sum += stepper->energies().kinetic;
+  }
+  return sum / kSamples;
+}
+
+TEST(Impulse, HeatsBallsThatRestAtAStiffWall) {
+  // The load comes in kicks and throws the light ball off the wall: up to a kick, 80 N over 3 ms, a quarter of a
+  // metre a second. On its path of accumulate nothing moves, to the rounding of forces.
+  EXPECT_GT(kinetic_at_rest(Interface::impulse), 1e-3);
+  EXPECT_LT(kinetic_at_rest(Interface::accumulate), 1e-15);
+}
+
+TEST(Impulse, KeepsLinearMomentumExactlyInAFlowingSilo) {
+  core::StepperSetup setup = tests::silo_setup(core::Method::multirate, 3.2e-4, true);
+  setup.stepping.interface = Interface::impulse;
+  setup.stepping.events = false;
+  const auto stepper = make_multirate_stepper(tests::flowing_silo(), setup);
+  const core::Energies before = stepper->energies();
+  for (int k = 0; k < 200; ++k) {
+    stepper->advance(1 + k % 3);
+    ASSERT_LE(core::momentum_residual(before, stepper->energies(), stepper->ledger()), 1e-12) << "step " << stepper->steps_done();
+  }
+  EXPECT_GT(stepper->ledger().discharged, 3);
+  EXPECT_EQ(stepper->costs().missed_contacts, 0U);
+  const core::LevelStatistics levels = stepper->level_statistics();
+  EXPECT_GT(std::count_if(levels.contacts.begin(), levels.contacts.end(), [](double n) { return n > 1.0; }), 4);
+}
+
+TEST(Impulse, KeepsAngularMomentumExactly) {
+  // Forces are rounded to a whole unit along each axis, some 1e-12 of the larger ones: not quite central.
+  EXPECT_LT(tests::SpinningCloud(Interface::impulse).defect(1.6e-3), 1e-11);
+}
+
+TEST(Impulse, IsOfOrderTwoWithoutDashpotsAndOneWithThem) {
+  for (const bool is_damped : {false, true}) {
+    SCOPED_TRACE(is_damped ? "with dashpots" : "without dashpots");
+    tests::Cage cage;
+    cage.setup.stepping.interface = Interface::impulse;
+    cage.setup.stepping.events = false;
+    if (!is_damped) cage.setup.materials.wall.c = cage.setup.materials.ball.c = 0.0;
+    cage.tolerance *= 4.0;  // keeps the split: walls at one level, all contacts among balls at the coarsest
+    const tests::CageErrors errors = tests::cage_errors(cage, {1, 3, 3, 3});
+    // Errors are C h^p + O(h^(p+1)), and with dashpots both terms are of a size at the largest step.
+    const double order = is_damped ? 1.0 : 2.0, allowed = is_damped ? 0.3 : 0.1;
+    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.circling), order, allowed);
+    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.resting), order, allowed);
+    if (!is_damped) {
+      EXPECT_NEAR(tests::fitted_order(errors.steps, errors.energy), 2.0, 0.1);
+    }
+    EXPECT_GT(errors.resting.back(), 1e-13);  // far above rounding
+  }
+}
+
+TEST(Impulse, OnOneLevelIsTheLaggedScheme) {
+  // Without gravity, of which a wall's dashpot would see half a step more.
+  core::StepperSetup setup = tests::silo_setup(core::Method::multirate, 1e-4, false), uniform = setup;
+  setup.gravity = uniform.gravity = core::Vec3::Zero();
+  setup.stepping.events = uniform.stepping.events = false;
+  setup.stepping.levels = 1;
+  setup.stepping.interface = Interface::impulse;
+  uniform.stepping.method = core::Method::uniform;
+  uniform.stepping.integrator = core::Integrator::lagged;
+  const auto a = make_multirate_stepper(tests::resting_silo(), setup);
+  const auto b = core::make_uniform_stepper(tests::resting_silo(), uniform);
+  a->advance(200);
+  b->advance(200);
+  const core::State x = a->state(), y = b->state();
+  // Rounding of positions, 1e-16 m, grows on stiff contacts by some 10 in 200 steps.
+  for (std::size_t i = 0; i < x.size(); ++i) ASSERT_LE((x.position[i] - y.position[i]).norm(), 1e-13) << "ball " << x.id[i];
+}
+
+TEST(Impulse, RestartsBitwise) {
+  core::StepperSetup setup = tests::silo_setup(core::Method::multirate, 3.2e-4, true);
+  setup.stepping.interface = Interface::impulse;
+  setup.stepping.events = false;
+  const auto whole = make_multirate_stepper(tests::flowing_silo(), setup), first = make_multirate_stepper(tests::flowing_silo(), setup);
+  first->advance(60);
+  while (!first->is_checkpointable()) first->advance(1);
+  core::StepperSetup rest = setup;
+  rest.ledger = first->ledger();
+  rest.steps_done = first->steps_done();
+  const auto second = make_multirate_stepper(first->state(), rest);
+  second->advance(60);
+  whole->advance(second->steps_done());
+  tests::expect_same_bits(whole->state(), second->state());
+}
+
+}  // namespace
+}  // namespace grainclock::multirate
