@@ -8,9 +8,10 @@
 // Linear momentum: exact to rounding, for both balls of a contact get the same integers at the same time. Angular momentum:
 // exact likewise, for kicks are central. Energy: without dashpots the map is symplectic and the error stays bounded, but for
 // resonances. Order: 2 without dashpots; 1 with them, as a dashpot sees the velocity before its kick (the uniform scheme *lagged*, which
-// one level is). Stability: kicks at intervals of half a period of a fast oscillation, or multiples of that, pump it up:
-// growth without dashpots in bands about these intervals, whatever the steps in between; dashpots damp it, but balls that
-// rest at a stiff wall stay too hot.
+// one level is). Stability: the uniform bound is kept for the contacts of either kind alone. Kicks at intervals of half a
+// period of a fast oscillation, or multiples of that, pump it up: growth in bands below these intervals, whatever the steps in
+// between. A damping ratio of 0.1 does not close them, 0.3 does on two springs. Balls that rest loaded at a stiff
+// wall are thrown off it by the kicks of their load, and stay hot.
 // Event correction: none; what opens and closes between two kicks is not on any ball's path.
 #include "multirate/interface.hpp"
 
