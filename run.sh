@@ -16,7 +16,7 @@ fail() { echo "run.sh: $*; try --help" >&2; exit 2; }
 export GOMP_SPINCOUNT="${GOMP_SPINCOUNT:-20000}"
 
 small="pair chain pile mini"
-others="fines inclusion small-outlet gas printed table1-printed stability mini-statistics table1-crosscheck" main=table1-flow
+others="interfaces fines inclusion small-outlet gas printed table1-printed stability mini-statistics table1-crosscheck" main=table1-flow
 seeds=1 threads=$(nproc) out=""
 while [ $# -gt 0 ]; do
   case "$1" in
