@@ -28,7 +28,7 @@ class Accumulate final : public InterfaceStrategy {
     kernels_.drift(rows, steps.paths.data(), which, seconds);
   }
 
-  void kick(core::BallRow* rows, BallSteps& steps, core::RowSpan which, const core::KickParameters& p) const override {
+  void kick(core::BallRow* rows, BallSteps& steps, core::RowSpan which, const core::KickParameters& p) override {
     kernels_.kick(rows, steps.paths.data(), steps.balance.data(), steps.level.data(), steps.sums.data(), steps.stride, steps.parts,
                   which, p);
   }

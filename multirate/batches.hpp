@@ -45,6 +45,7 @@ class Batches {
   const std::vector<std::uint32_t>& rows(Level level) const { return rows_[level]; }
   std::size_t balls(Level level) const { return balls_[level]; }
   Level finest() const { return finest_; }
+  int levels() const { return coarsest_ + 1; }
   /// Of the last sort_pairs(), per thread.
   const std::vector<ChangedPairs>& changed() const { return changed_; }
 

@@ -22,7 +22,7 @@ class Frozen final : public InterfaceStrategy {
     setup_.kernels.drift(rows, steps.paths.data(), which, seconds);
   }
 
-  void kick(core::BallRow* rows, BallSteps& steps, core::RowSpan which, const core::KickParameters& p) const override {
+  void kick(core::BallRow* rows, BallSteps& steps, core::RowSpan which, const core::KickParameters& p) override {
     for (std::size_t k = 0; k < which.n; ++k) {
       const std::uint32_t i = which.row[k];
       const core::IntVec force = steps.take_sums(i).force;

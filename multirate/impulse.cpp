@@ -23,7 +23,7 @@ class Impulse final : public InterfaceStrategy {
  public:
   explicit Impulse(const InterfaceSetup& setup) : setup_(setup) {}
 
-  bool has_contact_levels() const override { return true; }
+  Level levels_below() const override { return kMostLevels; }
 
   void drift(core::BallRow* rows, BallSteps& steps, core::RowSpan which, double seconds) const override {
     const core::Vec3 fall = 0.5 * seconds * seconds * setup_.gravity, gain = seconds * setup_.gravity;
@@ -31,7 +31,6 @@ class Impulse final : public InterfaceStrategy {
       const std::uint32_t i = which.row[k];
       core::BallRow& row = rows[i];
       pay(row, steps.paths[i], steps.balance[i]);
-      steps.balance[i] = {};
       row.x += seconds * row.vx + fall.x();
       row.y += seconds * row.vy + fall.y();
       row.z += seconds * row.vz + fall.z();
@@ -41,7 +40,7 @@ class Impulse final : public InterfaceStrategy {
     }
   }
 
-  void kick(core::BallRow* rows, BallSteps& steps, core::RowSpan which, const core::KickParameters& p) const override {
+  void kick(core::BallRow* rows, BallSteps& steps, core::RowSpan which, const core::KickParameters& p) override {
     for (std::size_t k = 0; k < which.n; ++k) {
       const std::uint32_t i = which.row[k];
       const core::WeightedSum sum = steps.take_sums(i);

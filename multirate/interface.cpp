@@ -13,7 +13,8 @@ struct Offer {
 };
 constexpr Offer kOffers[] = {{core::Interface::accumulate, make_accumulate, true},
                              {core::Interface::frozen, make_frozen, false},
-                             {core::Interface::impulse, make_impulse, false}};
+                             {core::Interface::impulse, make_impulse, false},
+                             {core::Interface::extrapolate, make_extrapolate, false}};
 
 }  // namespace
 
@@ -25,9 +26,7 @@ std::unique_ptr<InterfaceStrategy> make_interface(const core::Stepping& stepping
                name(stepping.interface));
     return offer.make(setup);
   }
-  throw core::InputError(fmt::format(
-      "stepping.interface = \"{}\" is not offered by this version; use \"accumulate\", \"frozen\" or \"impulse\"",
-      name(stepping.interface)));
+  throw core::InputError(fmt::format("stepping.interface = \"{}\" is not offered", name(stepping.interface)));
 }
 
 }  // namespace grainclock::multirate

@@ -7,6 +7,7 @@
 
 #include "core/scene.hpp"
 #include "multirate/ball_steps.hpp"
+#include "multirate/batches.hpp"
 
 #include <memory>
 
@@ -16,18 +17,23 @@ class InterfaceStrategy {
  public:
   virtual ~InterfaceStrategy() = default;
 
-  /// Whether contacts among balls and those with fixed balls are stepped apart (LevelChoice).
-  virtual bool has_contact_levels() const { return false; }
+  /// By how many levels a contact may be coarser than its balls. Above 0, contacts among balls and those with fixed balls
+  /// have levels apart (LevelChoice).
+  virtual Level levels_below() const { return 0; }
   /// Rows begin or go on, from one tick at which they take part to the next, `seconds` later.
   virtual void drift(core::BallRow* rows, BallSteps& steps, core::RowSpan which, double seconds) const = 0;
   /// After the evaluations of a tick, for rows that take part in it. Clears their sums. Velocities are then those at this
   /// tick (of balls whose steps end), and if `p.drift` is above 0, the rows go on at once.
   /// Where all steps end, paths and the rows' bounds hold the acceleration: classes are chosen from them.
-  virtual void kick(core::BallRow* rows, BallSteps& steps, core::RowSpan which, const core::KickParameters& p) const = 0;
+  virtual void kick(core::BallRow* rows, BallSteps& steps, core::RowSpan which, const core::KickParameters& p) = 0;
   /// Rows [begin, end) at a renewal, where all have new levels. If `is_new`, balances know nothing of any contact; else they
   /// are what the last kick left. For each contact whose level changes, its balls' balances then
   /// get the change of 2^level F (from 0 if it had no level).
   virtual void open(BallSteps& steps, bool is_new, std::uint32_t begin, std::uint32_t end) const = 0;
+  /// After all that, when contacts have their levels. `rows` are those of the last evaluation.
+  virtual void begin(const BallSteps& /*steps*/, const core::BallRow* /*rows*/, const Batches& /*batches*/) {}
+  /// Before the contacts of a level are evaluated; those of finer ones have been.
+  virtual void before_evaluation(const BallSteps& /*steps*/, Level /*level*/) {}
 };
 
 /// What strategies work with.
@@ -36,6 +42,7 @@ struct InterfaceSetup {
   core::Vec3 gravity;  // m/s2
   double unit;         // N, of force sums
   double half_tick;    // s
+  core::SweepLaw laws[2];  // of contacts among balls and with fixed balls
 };
 
 /// The strategy of stepping.interface. Throws InputError where other keys do not go with it.
@@ -45,5 +52,6 @@ std::unique_ptr<InterfaceStrategy> make_interface(const core::Stepping& stepping
 std::unique_ptr<InterfaceStrategy> make_accumulate(const InterfaceSetup& setup);
 std::unique_ptr<InterfaceStrategy> make_frozen(const InterfaceSetup& setup);
 std::unique_ptr<InterfaceStrategy> make_impulse(const InterfaceSetup& setup);
+std::unique_ptr<InterfaceStrategy> make_extrapolate(const InterfaceSetup& setup);
 
 }  // namespace grainclock::multirate

@@ -32,12 +32,12 @@ double omega(const core::Materials& materials, double diameter) {
 }
 
 LevelChoice::LevelChoice(const Ladder& ladder, const core::StepperSetup& setup, const core::ContactLaw& ball_law,
-                         const core::ContactLaw& fixed_law, double length_scale, double interval, bool has_contact_levels)
+                         const core::ContactLaw& fixed_law, double length_scale, double interval, Level levels_below)
     : ladder_(ladder),
       setup_(setup),
       length_scale_(length_scale),
       interval_(interval),
-      has_contact_levels_(has_contact_levels),
+      levels_below_(levels_below),
       threads_(std::max(1, setup.threads)),
       laws_{ball_law, fixed_law},
       add_needs_(add_needs_on(*setup.kernels)),
@@ -58,21 +58,26 @@ void LevelChoice::follow_order(std::size_t balls) {
 }
 
 const std::vector<Level>& LevelChoice::for_contacts(bool fixed, const BallSteps& steps) const {
-  if (!has_contact_levels_) return steps.level;
+  if (levels_below_ == 0) return steps.level;
   return fixed ? with_fixed_ : among_balls_;
 }
 
 void LevelChoice::choose(const Recorded& recorded, BallSteps& steps) {
   find_needs(recorded, steps);
   steps.before.swap(steps.level);
-  std::vector<Level>& level = has_contact_levels_ ? among_balls_ : steps.level;
-  choose_for(has_contact_levels_ ? Kinds::ball : Kinds::all, recorded, steps, level);
+  std::vector<Level>& level = levels_below_ > 0 ? among_balls_ : steps.level;
+  choose_for(levels_below_ > 0 ? Kinds::ball : Kinds::all, recorded, steps, level);
   limit_levels(level, recorded.ball_pairs.span(), recorded.ball_pairs.count, setup_.stepping.limiter,
                [&](std::size_t p) { return recorded.books[0].level[p] != kSkipped; }, beyond_);
-  if (!has_contact_levels_) return;
+  if (levels_below_ == 0) return;
   choose_for(Kinds::fixed, recorded, steps, with_fixed_);
   steps.level.resize(level.size());
-  for (std::size_t row = 0; row < level.size(); ++row) steps.level[row] = std::min(among_balls_[row], with_fixed_[row]);
+  for (std::size_t row = 0; row < level.size(); ++row) {
+    const Level its = std::min(among_balls_[row], with_fixed_[row]);
+    steps.level[row] = its;
+    for (std::vector<Level>* level_of : {&among_balls_, &with_fixed_})
+      (*level_of)[row] = std::min((*level_of)[row], static_cast<Level>(its + levels_below_));
+  }
 }
 
 NeedParameters LevelChoice::need_parameters(bool fixed) const {
@@ -152,7 +157,7 @@ void LevelChoice::share_error(double error_factor, double Urgency::*urgency4, co
   share_balls([&](std::uint32_t begin, std::uint32_t end) {
     for (std::uint32_t row = begin; row < end; ++row) {
       // Contacts' own levels do not depend on what they were: a restart does not know it.
-      const Level now = has_contact_levels_ ? Level{0} : before[row];
+      const Level now = levels_below_ > 0 ? Level{0} : before[row];
       level[row] = std::min(level[row], classed(urgency_[row].*urgency4, reach4, now));
     }
   });

@@ -25,12 +25,13 @@ struct Recorded {
 };
 
 /// Where contacts have the finer level of their two balls, a ball's step is for all its contacts together. Where they have
-/// levels of their own, the step for contacts among balls and the one for those with fixed balls are chosen apart.
+/// levels of their own (`levels_below` coarser than those of their balls at most, 0: none), the step for contacts among balls
+/// and the one for those with fixed balls are chosen apart.
 class LevelChoice {
  public:
   /// `interval` [s] is the time between renewals, `length_scale` [m] the mean diameter.
   LevelChoice(const Ladder& ladder, const core::StepperSetup& setup, const core::ContactLaw& ball_law,
-              const core::ContactLaw& fixed_law, double length_scale, double interval, bool has_contact_levels);
+              const core::ContactLaw& fixed_law, double length_scale, double interval, Level levels_below);
 
   void follow_order(std::size_t balls);
   /// Chooses `steps.level`, keeps what it was in `steps.before`, and marks pairs that cannot touch before the next renewal.
@@ -61,7 +62,7 @@ class LevelChoice {
   Ladder ladder_;
   core::StepperSetup setup_;
   double length_scale_, interval_;
-  bool has_contact_levels_;
+  Level levels_below_;
   int threads_;
   core::ContactLaw laws_[2];  // among balls, with fixed balls
   AddNeeds add_needs_;

@@ -54,8 +54,9 @@ class MultirateStepper final : public core::BallStepper {
         event_books_(static_cast<std::size_t>(std::max(1, setup.threads)), core::EventBook(scale_, 0.5 * ladder_.tick())),
         threads_(std::max(1, setup.threads)),
         advance_(advance_parameters()),
-        strategy_(make_interface(setup.stepping, {*setup_.kernels, setup_.gravity, scale_.unit, 0.5 * ladder_.tick()})),
-        choice_(ladder_, setup, law(false, 0.0).law, law(true, 0.0).law, length_scale_, interval_, strategy_->has_contact_levels()),
+        strategy_(make_interface(setup.stepping, {*setup_.kernels, setup_.gravity, scale_.unit, 0.5 * ladder_.tick(),
+                                                      {law(false, 0.0), law(true, 0.0)}})),
+        choice_(ladder_, setup, law(false, 0.0).law, law(true, 0.0).law, length_scale_, interval_, strategy_->levels_below()),
         batches_(ladder_.levels(), threads_),
         drifted_(static_cast<std::size_t>(ladder_.levels())),
         totals_(static_cast<std::size_t>(threads_)),
@@ -152,6 +153,7 @@ class MultirateStepper final : public core::BallStepper {
   }
 
   void evaluate(Level level) {
+    strategy_->before_evaluation(steps_, level);
     const Batch& batch = batches_[level];
     const double step = ladder_.step(level);
     const SweepTotals ball = sweep(batch.ball, law(false, step), level), fixed = sweep(batch.fixed, law(true, step), level);
@@ -407,6 +409,7 @@ class MultirateStepper final : public core::BallStepper {
       reweigh_changed(fixed);
     }
     batches_.sort_balls(steps_.level);
+    strategy_->begin(steps_, evaluated_.data(), batches_);
     renewed_at_ = steps_done_;
   }
 
