@@ -11,8 +11,9 @@
 // After a renewal of classes the first sub-step takes A' = A: which contacts are slow may have changed.
 //
 // Linear momentum: exact to rounding. Angular momentum and energy: drift with the order of the scheme. Order: 2, with dashpots
-// too. Stability: without damping it grows, as accumulate does, and more: measured on two springs, as is what damping
-// stops. Event correction: none; the ball's path over a slow contact's step is not the one that the correction assumes.
+// too. Stability: without damping every ratio above 1 grows, two springs by a tenth and more per coarse step in
+// bands; a damping ratio of 0.02 does not stop that, 0.1 does. Event correction: none; the ball's path over a slow contact's step is
+// not the one that the correction assumes.
 #include "multirate/interface.hpp"
 
 #include <cmath>

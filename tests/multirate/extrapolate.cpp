@@ -1,0 +1,151 @@
+// Strategy extrapolate: what its head claims, good and bad.
+#include "tests/support/order.hpp"
+#include "tests/support/spinning_cloud.hpp"
+#include "tests/support/two_springs.hpp"
+
+#include <gtest/gtest.h>
+
+namespace grainclock::multirate {
+namespace {
+
+using core::Interface;
+using tests::Swing;
+using tests::TwoSprings;
+
+core::StepperSetup silo_setup(double step) {
+  core::StepperSetup setup = tests::silo_setup(core::Method::multirate, step, true);
+  setup.stepping.interface = Interface::extrapolate;
+  setup.stepping.events = false;
+  return setup;
+}
+
+/// The first coarse step of `step` [s] after a renewal, n fine ones for the light ball, half as many for the soft spring.
+Swing theory(Swing s, double step, int n) {
+  const double h = step / n, heavy_place = s[2], heavy_velocity = s[3];
+  const int every = n > 1 ? 2 : 1;  // fine steps between evaluations of the soft spring
+  double soft = TwoSprings::soft_force(s), before = soft, sum = 0.5 * soft, stiff = TwoSprings::stiff_force(s);
+  const double heavy_a = -soft / TwoSprings::kHeavy;
+  double felt = soft;  // of the soft spring, by the light ball at the last fine tick
+  for (int k = 1; k <= n; ++k) {
+    const double t = k * h;
+    s[0] += h * s[1] + 0.5 * h * h * (stiff + felt);
+    s[2] = heavy_place + t * heavy_velocity + 0.5 * t * t * heavy_a;
+    const double stiff_now = TwoSprings::stiff_force(s);
+    s[1] += 0.5 * h * (stiff + stiff_now);
+    stiff = stiff_now;
+    if (k % every != 0) {
+      felt = soft + 0.5 * (soft - before);
+      s[1] += 0.5 * h * (soft + felt);
+      continue;
+    }
+    const double now = TwoSprings::soft_force(s);
+    const double paid = every == 2 ? 0.5 * h * (soft + felt) : 0.0;
+    s[1] += 0.5 * every * h * (soft + now) - paid;
+    before = soft;
+    soft = felt = now;
+    sum += k < n ? now : 0.5 * now;
+  }
+  s[3] -= every * h * sum / TwoSprings::kHeavy;
+  return s;
+}
+
+TEST(Extrapolate, GrowsOnTwoSpringsAsTheorySays) {
+  TwoSprings springs(Interface::extrapolate);
+  double worst = 0.0;
+  for (double phase = 0.5; phase < 8.0; phase += 0.02) {
+    SCOPED_TRACE(testing::Message() << "phase per coarse step " << phase);
+    const double step = phase / TwoSprings::stiff_frequency();
+    const std::vector<int> levels = tests::levels_of(*springs.stepper(Swing::Zero(), step));
+    ASSERT_EQ(levels[1], 7);
+    const int n = 1 << (7 - levels[0]);
+    const double expected = tests::growth_of([&](const Swing& s) { return theory(s, step, n); });
+    // Swings of 1e-7 m are rounded to 1e-16 m, and bend the springs by 1e-6 of themselves; where two eigenvalues
+    // meet, growth goes with the root of that.
+    EXPECT_NEAR(tests::measured_growth(springs, step), expected, expected > 1e-2 ? 1e-5 : 2e-3);
+    worst = std::max(worst, expected);
+    if (n > 1) {
+      EXPECT_GT(expected, 0.0) << "stable";
+    }
+  }
+  EXPECT_GT(worst, 0.1);  // a hundred times accumulate's
+}
+
+TEST(Extrapolate, NeedsMoreDampingThanAccumulate) {
+  for (const double ratio : {0.02, 0.1, 0.3}) {
+    TwoSprings springs(Interface::extrapolate);
+    springs.damp(ratio);
+    double worst = -1.0;
+    for (double phase = 2.2; phase < 5.6; phase += 0.05)
+      worst = std::max(worst, tests::measured_growth(springs, phase / TwoSprings::stiff_frequency()));
+    EXPECT_EQ(worst > 1e-2, ratio < 0.05) << "damping ratio " << ratio << ", growth " << worst;
+    if (ratio > 0.05) {
+      EXPECT_LT(worst, -1e-3);
+    }
+  }
+}
+
+TEST(Extrapolate, IsOfOrderTwo) {
+  for (const bool is_damped : {false, true}) {
+    SCOPED_TRACE(is_damped ? "with dashpots" : "without dashpots");
+    tests::Cage cage;
+    cage.setup.stepping.interface = Interface::extrapolate;
+    cage.setup.stepping.events = false;
+    if (!is_damped) cage.setup.materials.wall.c = cage.setup.materials.ball.c = 0.0;
+    cage.tolerance *= 4.0;
+    const tests::CageErrors errors = tests::cage_errors(cage, {1, 3, 3, 3});
+    // Errors are C h2 + O(h3). Those of the resting ball and of the energy, a thousandth of the circling ball's, come from
+    // terms of both signs that cancel in part: steps of this size do not show their order to a tenth.
+    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.circling), 2.0, 0.1);
+    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.resting), 2.0, 0.5);
+    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.energy), 2.0, 0.5);
+    EXPECT_GT(errors.resting.back(), 1e-13);  // far above rounding
+  }
+}
+
+TEST(Extrapolate, KeepsLinearMomentumExactlyInAFlowingSilo) {
+  const core::StepperSetup setup = silo_setup(3.2e-4);
+  const auto stepper = make_multirate_stepper(tests::flowing_silo(), setup);
+  const core::Energies before = stepper->energies();
+  for (int k = 0; k < 200; ++k) {
+    stepper->advance(1 + k % 3);
+    ASSERT_LE(core::momentum_residual(before, stepper->energies(), stepper->ledger()), 1e-12) << "step " << stepper->steps_done();
+  }
+  EXPECT_GT(stepper->ledger().discharged, 3);
+  EXPECT_EQ(stepper->costs().missed_contacts, 0U);
+  const core::LevelStatistics levels = stepper->level_statistics();
+  EXPECT_GT(std::count_if(levels.contacts.begin(), levels.contacts.end(), [](double n) { return n > 1.0; }), 4);
+}
+
+TEST(Extrapolate, KeepsAngularMomentumToTheErrorOfTheScheme) {
+  const double defect = tests::SpinningCloud(Interface::extrapolate).defect(1.6e-3);
+  EXPECT_LT(defect, 1e-6);   // a hundredth of the tolerance
+  EXPECT_GT(defect, 1e-10);  // not exact: far above rounding, 1e-12 (impulse.cpp)
+}
+
+TEST(Extrapolate, OnOneLevelEqualsUniformBitwise) {
+  core::StepperSetup one = silo_setup(1e-4), uniform = one;
+  one.stepping.levels = 1;
+  uniform.stepping.method = core::Method::uniform;
+  const auto a = make_multirate_stepper(tests::flowing_silo(), one);
+  const auto b = core::make_uniform_stepper(tests::flowing_silo(), uniform);
+  a->advance(400);
+  b->advance(400);
+  tests::expect_same_bits(a->state(), b->state());
+}
+
+TEST(Extrapolate, RestartsBitwise) {
+  const core::StepperSetup setup = silo_setup(3.2e-4);
+  const auto whole = make_multirate_stepper(tests::flowing_silo(), setup), first = make_multirate_stepper(tests::flowing_silo(), setup);
+  first->advance(60);
+  while (!first->is_checkpointable()) first->advance(1);
+  core::StepperSetup rest = setup;
+  rest.ledger = first->ledger();
+  rest.steps_done = first->steps_done();
+  const auto second = make_multirate_stepper(first->state(), rest);
+  second->advance(60);
+  whole->advance(second->steps_done());
+  tests::expect_same_bits(whole->state(), second->state());
+}
+
+}  // namespace
+}  // namespace grainclock::multirate
