@@ -156,8 +156,8 @@ void LevelChoice::share_error(double error_factor, double Urgency::*urgency4, co
   ran_out_ = ran_out_ || fourth(ladder_.tick()) * sum4 > affordable4(n, error_factor, setup_.stepping.tolerance);
   share_balls([&](std::uint32_t begin, std::uint32_t end) {
     for (std::uint32_t row = begin; row < end; ++row) {
-      // Contacts' own levels do not depend on what they were: a restart does not know it.
-      const Level now = levels_below_ > 0 ? Level{0} : before[row];
+      // Contacts' own levels do not depend on what they were, for a restart does not know it: no hysteresis.
+      const Level now = levels_below_ > 0 ? ladder_.coarsest() : before[row];
       level[row] = std::min(level[row], classed(urgency_[row].*urgency4, reach4, now));
     }
   });

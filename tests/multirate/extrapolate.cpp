@@ -91,8 +91,8 @@ TEST(Extrapolate, IsOfOrderTwo) {
     cage.setup.stepping.interface = Interface::extrapolate;
     cage.setup.stepping.events = false;
     if (!is_damped) cage.setup.materials.wall.c = cage.setup.materials.ball.c = 0.0;
-    cage.tolerance *= 4.0;
-    const tests::CageErrors errors = tests::cage_errors(cage, {1, 3, 3, 3});
+    cage.tolerance *= 5.5;  // keeps the split: walls at one level, all contacts among balls at the coarsest
+    const tests::CageErrors errors = tests::cage_errors(cage, {2, 3, 3, 3});
     // Errors are C h2 + O(h3). Those of the resting ball and of the energy, a thousandth of the circling ball's, come from
     // terms of both signs that cancel in part: steps of this size do not show their order to a tenth.
     EXPECT_NEAR(tests::fitted_order(errors.steps, errors.circling), 2.0, 0.1);

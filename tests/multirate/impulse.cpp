@@ -142,12 +142,12 @@ TEST(Impulse, IsOfOrderTwoWithoutDashpotsAndOneWithThem) {
     cage.setup.stepping.interface = Interface::impulse;
     cage.setup.stepping.events = false;
     if (!is_damped) cage.setup.materials.wall.c = cage.setup.materials.ball.c = 0.0;
-    cage.tolerance *= 4.0;  // keeps the split: walls at one level, all contacts among balls at the coarsest
-    const tests::CageErrors errors = tests::cage_errors(cage, {1, 3, 3, 3});
-    // Errors are C h^p + O(h^(p+1)), and with dashpots both terms are of a size at the largest step.
-    const double order = is_damped ? 1.0 : 2.0, allowed = is_damped ? 0.3 : 0.1;
-    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.circling), order, allowed);
-    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.resting), order, allowed);
+    cage.tolerance *= 5.5;  // keeps the split: walls at one level, all contacts among balls at the coarsest
+    const tests::CageErrors errors = tests::cage_errors(cage, {2, 3, 3, 3});
+    // Errors are C h^p + O(h^(p+1)). With dashpots both terms of the circling ball's are of a size at the largest step.
+    const double order = is_damped ? 1.0 : 2.0;
+    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.resting), order, 0.1);
+    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.circling), order, is_damped ? 0.5 : 0.1);
     if (!is_damped) {
       EXPECT_NEAR(tests::fitted_order(errors.steps, errors.energy), 2.0, 0.1);
     }
