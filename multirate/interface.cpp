@@ -14,7 +14,7 @@ struct Offer {
 constexpr Offer kOffers[] = {{core::Interface::accumulate, make_accumulate, true},
                              {core::Interface::frozen, make_frozen, false},
                              {core::Interface::impulse, make_impulse, false},
-                             {core::Interface::extrapolate, make_extrapolate, false}};
+                             {core::Interface::extrapolate, make_extrapolate, true}};
 
 }  // namespace
 
@@ -22,7 +22,7 @@ std::unique_ptr<InterfaceStrategy> make_interface(const core::Stepping& stepping
   for (const Offer& offer : kOffers) {
     if (offer.interface != stepping.interface) continue;
     GC_REQUIRE(offer.takes_events || !stepping.events,
-               "stepping.events = true does not go with stepping.interface = \"{}\"; set events = false, or use \"accumulate\"",
+               "stepping.events = true does not go with stepping.interface = \"{}\"; set events = false, or use \"accumulate\" or \"extrapolate\"",
                name(stepping.interface));
     return offer.make(setup);
   }

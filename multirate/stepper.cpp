@@ -205,9 +205,10 @@ class MultirateStepper final : public core::BallStepper {
         if (e.both) steps_.balance[e.j].v[k] -= e.impulse[k];
       }
     }
-    // Only a ball whose step ends now has all its forces evaluated.
+    // Only a ball whose step ends now, and those of its contacts, has all its forces evaluated.
+    const int below = strategy_->levels_below();
     apply_position_corrections(book, [&](std::uint32_t row) {
-      return newtons(steps_.level[row] <= active ? steps_.total_force(row) : steps_.paths[row].opening);
+      return newtons(steps_.level[row] + below <= active || active == ladder_.coarsest() ? steps_.total_force(row) : steps_.paths[row].opening);
     });
     book.clear();
   }

@@ -39,7 +39,7 @@ TEST(Refusals, NameTheKeyItsValueAndWhatIsOffered) {
               {"stepping.integrator", "pece", "predicted"});
   expect_says(refusal([](StepperSetup& s) { s.stepping.dashpot = core::Dashpot::relaxed; }),
               {"stepping.dashpot", "relaxed", "explicit"});
-  for (const core::Interface its : {core::Interface::impulse, core::Interface::extrapolate, core::Interface::frozen}) {
+  for (const core::Interface its : {core::Interface::impulse, core::Interface::frozen}) {
     expect_says(refusal([its](StepperSetup& s) { s.stepping.interface = its; }),
                 {"stepping.events = true", std::string(name(its)), "events = false", "accumulate"});
   }
