@@ -29,8 +29,8 @@ class Accumulate final : public InterfaceStrategy {
   }
 
   void kick(core::BallRow* rows, BallSteps& steps, core::RowSpan which, const core::KickParameters& p) override {
-    kernels_.kick(rows, steps.paths.data(), steps.balance.data(), steps.level.data(), steps.sums.data(), steps.stride, steps.parts,
-                  which, p);
+    kernels_.kick(rows, steps.paths.data(), steps.balance.data(), steps.level.data(), steps.sums.data(), steps.stride,
+                  steps.parts, which, p);
   }
 
   /// As far as the force goes that a ball's path takes as constant. What the last kick left holds for balls that keep

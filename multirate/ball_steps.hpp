@@ -15,12 +15,12 @@ namespace grainclock::multirate {
 /// By row. What `balance` stands for is the interface strategy's business (interface.hpp).
 struct BallSteps {
   std::vector<core::Path> paths;
-  std::vector<core::IntVec> balance;     // force units times half ticks; the far row has one too
-  std::vector<Level> level;              // of the balls' own steps
-  std::vector<Level> before;             // the same before the present renewal
-  std::vector<core::WeightedSum> sums;   // one array per thread, of the content and the far row
-  std::size_t stride = 0;                // length of such an array
-  int parts = 1;                         // arrays in use since the last kick
+  std::vector<core::IntVec> balance;    // force units times half ticks; the far row has one too
+  std::vector<Level> level;             // of the balls' own steps
+  std::vector<Level> before;            // the same before the present renewal
+  std::vector<core::WeightedSum> sums;  // one array per thread, of the content and the far row
+  std::size_t stride = 0;               // length of such an array
+  int parts = 1;                        // arrays in use since the last kick
 
   core::WeightedSum* sums_of(int thread) { return sums.data() + static_cast<std::size_t>(thread) * stride; }
 
@@ -62,7 +62,8 @@ struct BallSteps {
 };
 
 /// Lets a row go on under `force` [units of `unit` N], its force sum at present. `gravity` in m/s2.
-inline void begin_path(core::BallRow& row, core::Path& path, const core::IntVec& force, const core::Vec3& gravity, double unit) {
+inline void begin_path(core::BallRow& row, core::Path& path, const core::IntVec& force, const core::Vec3& gravity,
+                       double unit) {
   path.opening = force;
   const double inertia = unit * path.inverse_mass;  // as the kernels do it
   double* a[3] = {&path.ax, &path.ay, &path.az};

@@ -51,7 +51,9 @@ void Batches::sort_pairs(bool fixed, const core::PairList& pairs, PairBook& book
                          double reach, std::uint32_t far_row) {
   // Pairs that are skipped are sorted, too, but nowhere: which are follows no pattern.
   const auto bin_of = [](Level level) { return std::min<std::size_t>(level, kMostLevels); };
-  const auto begin_of = [&](int t) { return pairs.count * static_cast<std::size_t>(t) / static_cast<std::size_t>(threads_); };
+  const auto begin_of = [&](int t) {
+    return pairs.count * static_cast<std::size_t>(t) / static_cast<std::size_t>(threads_);
+  };
   core::share_work(threads_, [&](int t) {
     LevelCount& count = level_pairs_[static_cast<std::size_t>(t)];
     count.fill(0);

@@ -1,6 +1,6 @@
-// Strategy *extrapolate*: as accumulate, but contacts may be one level coarser than the finer of their balls, so that a stiff wall
-// does not drag the other contacts of its balls along. A ball that is finer than a contact sees its force extrapolated
-// into the sub-step between two evaluations, and the next evaluation settles the difference exactly.
+// Strategy *extrapolate*: as accumulate, but contacts may be one level coarser than the finer of their balls, so that a
+// stiff wall does not drag the other contacts of its balls along. A ball that is finer than a contact sees its force
+// extrapolated into the sub-step between two evaluations, and the next evaluation settles the difference exactly.
 //
 // Per ball of level b, in integers (force units times half ticks, see accumulate.cpp): be A the force sum of its slow
 // contacts, of level b + 1, when last evaluated, and A' the time before. In mid of their step, when only the others'
@@ -10,8 +10,8 @@
 // their own time grid, whatever G was. So both balls of every contact get the same integers, as in accumulate.
 // After a renewal of classes the first sub-step takes A' = A: which contacts are slow may have changed.
 //
-// Linear momentum: exact to rounding. Angular momentum and energy: drift with the order of the scheme. Order: 2, with dashpots
-// too. Stability: without damping every ratio above 1 grows, two springs by a tenth and more per coarse step in
+// Linear momentum: exact to rounding. Angular momentum and energy: drift with the order of the scheme. Order: 2, with
+// dashpots too. Stability: without damping every ratio above 1 grows, two springs by a tenth and more per coarse step in
 // bands; a damping ratio of 0.02 does not stop that, 0.1 does. Event correction: yes; of a slow contact
 // to the accuracy at which the finer ball's last sub-step tells its path over both.
 #include "multirate/interface.hpp"
@@ -135,6 +135,8 @@ class Extrapolate final : public InterfaceStrategy {
 
 }  // namespace
 
-std::unique_ptr<InterfaceStrategy> make_extrapolate(const InterfaceSetup& setup) { return std::make_unique<Extrapolate>(setup); }
+std::unique_ptr<InterfaceStrategy> make_extrapolate(const InterfaceSetup& setup) {
+  return std::make_unique<Extrapolate>(setup);
+}
 
 }  // namespace grainclock::multirate

@@ -1,6 +1,7 @@
 // Strategy *frozen*, the bad example: no reconciliation. A contact is evaluated at the finer level of its two balls, the
-// coarser one taken on its path, and the finer ball takes its impulse step by step. The coarser ball takes no notice: it steps
-// by what the forces at its own step ends give. Every ball alone is a sound second-order stepper; together they are not.
+// coarser one taken on its path, and the finer ball takes its impulse step by step. The coarser ball takes no notice: it
+// steps by what the forces at its own step ends give. Every ball alone is a sound second-order stepper; together they are
+// not.
 //
 // Linear momentum: what a contact gives its two balls differs by the error of the coarser ball's trapezoid rule, H3 F''/12 a
 // step H, and by whole impulses where contacts open and close within a step: a defect that grows with the ratio of steps

@@ -1,18 +1,19 @@
 // Strategy *impulse* (r-RESPA, or asynchronous variational kicks): each contact kicks both its balls at the ticks of its own
 // level, by half a contact step's impulse at either end of each contact step; in between balls fall freely. Contacts with
-// fixed balls and those among balls have levels apart, so that a stiff wall does not drag the other contacts of its balls along.
+// fixed balls and those among balls have levels apart, so that a stiff wall does not drag the other contacts of its balls
+// along.
 //
-// A ball's balance holds the kicks that open the contact steps that begin at the last tick. They are paid when the ball goes on,
-// so that at a synchronised time its velocity is that at this time.
+// A ball's balance holds the kicks that open the contact steps that begin at the last tick. They are paid when the ball goes
+// on, so that at a synchronised time its velocity is that at this time.
 //
 // Linear momentum: exact to rounding, for both balls of a contact get the same integers at the same time. Angular momentum:
 // exact likewise, for kicks are central. Energy: without dashpots the map is symplectic and the error stays bounded, but for
-// resonances. Order: 2 without dashpots; 1 with them, as a dashpot sees the velocity before its kick (the uniform scheme *lagged*, which
-// one level is). Stability: the uniform bound is kept for the contacts of either kind alone. Kicks at intervals of half a
-// period of a fast oscillation, or multiples of that, pump it up: growth in bands below these intervals, whatever the steps in
-// between. A damping ratio of 0.1 does not close them, 0.3 does on two springs. Balls that rest loaded at a stiff
-// wall are thrown off it by the kicks of their load, and stay hot.
-// Event correction: none; what opens and closes between two kicks is not on any ball's path.
+// resonances. Order: 2 without dashpots; 1 with them, as a dashpot sees the velocity before its kick (the uniform scheme
+// *lagged*, which one level is). Stability: the uniform bound is kept for the contacts of either kind alone. Kicks at
+// intervals of half a period of a fast oscillation, or multiples of that, pump it up: growth in bands below these intervals,
+// whatever the steps in between. A damping ratio of 0.1 does not close them, 0.3 does on two springs. Balls that rest loaded
+// at a stiff wall are thrown off it by the kicks of their load, and stay hot. Event correction: none; what opens and closes
+// between two kicks is not on any ball's path.
 #include "multirate/interface.hpp"
 
 namespace grainclock::multirate {

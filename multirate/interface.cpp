@@ -22,7 +22,8 @@ std::unique_ptr<InterfaceStrategy> make_interface(const core::Stepping& stepping
   for (const Offer& offer : kOffers) {
     if (offer.interface != stepping.interface) continue;
     GC_REQUIRE(offer.takes_events || !stepping.events,
-               "stepping.events = true does not go with stepping.interface = \"{}\"; set events = false, or use \"accumulate\" or \"extrapolate\"",
+               "stepping.events = true does not go with stepping.interface = \"{}\"; set events = false, or use "
+               "\"accumulate\" or \"extrapolate\"",
                name(stepping.interface));
     return offer.make(setup);
   }

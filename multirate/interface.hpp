@@ -39,9 +39,9 @@ class InterfaceStrategy {
 /// What strategies work with.
 struct InterfaceSetup {
   const core::Kernels& kernels;
-  core::Vec3 gravity;  // m/s2
-  double unit;         // N, of force sums
-  double half_tick;    // s
+  core::Vec3 gravity;      // m/s2
+  double unit;             // N, of force sums
+  double half_tick;        // s
   core::SweepLaw laws[2];  // of contacts among balls and with fixed balls
 };
 

@@ -21,9 +21,7 @@ constexpr double kQuiet = 0.05, kStill = 1e-6;
 constexpr double fourth(double x) { return (x * x) * (x * x); }
 
 /// 1/s4, of a ball's impacts, eased where other contacts hold it.
-double eased_impact4(double impact4, double smooth4) {
-  return smooth4 > 0.0 ? impact4 / fourth(kConfinedReach) : impact4;
-}
+double eased_impact4(double impact4, double smooth4) { return smooth4 > 0.0 ? impact4 / fourth(kConfinedReach) : impact4; }
 
 }  // namespace
 
@@ -67,8 +65,9 @@ void LevelChoice::choose(const Recorded& recorded, BallSteps& steps) {
   steps.before.swap(steps.level);
   std::vector<Level>& level = levels_below_ > 0 ? among_balls_ : steps.level;
   choose_for(levels_below_ > 0 ? Kinds::ball : Kinds::all, recorded, steps, level);
-  limit_levels(level, recorded.ball_pairs.span(), recorded.ball_pairs.count, setup_.stepping.limiter,
-               [&](std::size_t p) { return recorded.books[0].level[p] != kSkipped; }, beyond_);
+  limit_levels(
+      level, recorded.ball_pairs.span(), recorded.ball_pairs.count, setup_.stepping.limiter,
+      [&](std::size_t p) { return recorded.books[0].level[p] != kSkipped; }, beyond_);
   if (levels_below_ == 0) return;
   choose_for(Kinds::fixed, recorded, steps, with_fixed_);
   steps.level.resize(level.size());
@@ -93,15 +92,17 @@ void LevelChoice::find_needs(const Recorded& recorded, const BallSteps& steps) {
   PairBook& book = recorded.books[false];
   const std::size_t count = recorded.ball_pairs.count;
   core::share_work(threads_, [&](int t) {
-    add_needs_(recorded.ball_pairs.span(), book.records(0), steps.paths.data(), recorded.margin.data(), need_parameters(false),
-               book.level.data(), needs_[static_cast<std::size_t>(t)].data(), 0, count * t / threads_, count * (t + 1) / threads_);
+    add_needs_(recorded.ball_pairs.span(), book.records(0), steps.paths.data(), recorded.margin.data(),
+               need_parameters(false), book.level.data(), needs_[static_cast<std::size_t>(t)].data(), 0,
+               count * t / threads_, count * (t + 1) / threads_);
   });
 }
 
 /// Each ball's level from what its pairs need, before the limiter. Uses up the needs of the kinds asked for.
 void LevelChoice::choose_for(Kinds kinds, const Recorded& recorded, const BallSteps& steps, std::vector<Level>& level) {
   std::vector<StepWeights> weights;
-  for (Level l = 0; l < ladder_.levels(); ++l) weights.emplace_back(ladder_.step(l), laws_[0], laws_[1], largest_inverse_mass_);
+  for (Level l = 0; l < ladder_.levels(); ++l)
+    weights.emplace_back(ladder_.step(l), laws_[0], laws_[1], largest_inverse_mass_);
   const NeedParameters with_fixed = need_parameters(true);
   const PairList& pairs = recorded.fixed_pairs;
   PairBook& book = recorded.books[true];

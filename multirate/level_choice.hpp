@@ -25,8 +25,8 @@ struct Recorded {
 };
 
 /// Where contacts have the finer level of their two balls, a ball's step is for all its contacts together. Where they have
-/// levels of their own (`levels_below` coarser than those of their balls at most, 0: none), the step for contacts among balls
-/// and the one for those with fixed balls are chosen apart.
+/// levels of their own (`levels_below` coarser than those of their balls at most, 0: none), the step for contacts among
+/// balls and the one for those with fixed balls are chosen apart.
 class LevelChoice {
  public:
   /// `interval` [s] is the time between renewals, `length_scale` [m] the mean diameter.
@@ -51,7 +51,8 @@ class LevelChoice {
 
   void find_needs(const Recorded& recorded, const BallSteps& steps);
   void choose_for(Kinds kinds, const Recorded& recorded, const BallSteps& steps, std::vector<Level>& level);
-  void share_error(double error_factor, double Urgency::*urgency4, const std::vector<Level>& before, std::vector<Level>& level);
+  void share_error(double error_factor, double Urgency::*urgency4, const std::vector<Level>& before,
+                   std::vector<Level>& level);
   Level classed(double urgency4, double reach4, Level now) const;
   double mean_square_speed(const core::Balls& balls) const;
   NeedParameters need_parameters(bool fixed) const;
@@ -69,9 +70,9 @@ class LevelChoice {
   std::vector<std::vector<Need>> needs_;  // per thread, of pairs among balls; clear between renewals
   PairsBeyond beyond_;                    // per thread
   std::vector<Urgency> urgency_;
-  std::vector<double> strides4_;          // see shared_reach4()
+  std::vector<double> strides4_;                 // see shared_reach4()
   std::vector<Level> among_balls_, with_fixed_;  // only of contacts with levels of their own
-  double speed2_ = 0.0;                   // m2/s2, see mean_square_speed()
+  double speed2_ = 0.0;                          // m2/s2, see mean_square_speed()
   double largest_inverse_mass_ = 0.0;
   bool ran_out_ = false;
 };

@@ -2,8 +2,8 @@
 // move between evaluations is the interface strategy's (interface.hpp).
 //
 // A renewal of classes: one evaluation of all listed pairs closes every step and says what pairs ask of their balls
-// (needs.hpp). Balances (interface.hpp) and ledger carry over for pairs that keep their level; only those that change are evaluated again,
-// with the same integers, and paid the difference of their weights.
+// (needs.hpp). Balances (interface.hpp) and ledger carry over for pairs that keep their level; only those that change are
+// evaluated again, with the same integers, and paid the difference of their weights.
 #include "multirate/stepper.hpp"
 
 #include "core/ball_stepper.hpp"
@@ -149,7 +149,8 @@ class MultirateStepper final : public core::BallStepper {
       drifted_[level] = 0;
       return;
     }
-    share_rows(batches_.rows(level), [&](core::RowSpan rows) { strategy_->drift(balls_.rows.data(), steps_, rows, ladder_.step(level)); });
+    const double step = ladder_.step(level);
+    share_rows(batches_.rows(level), [&](core::RowSpan rows) { strategy_->drift(balls_.rows.data(), steps_, rows, step); });
   }
 
   void evaluate(Level level) {
@@ -208,7 +209,8 @@ class MultirateStepper final : public core::BallStepper {
     // Only a ball whose step ends now, and those of its contacts, has all its forces evaluated.
     const int below = strategy_->levels_below();
     apply_position_corrections(book, [&](std::uint32_t row) {
-      return newtons(steps_.level[row] + below <= active || active == ladder_.coarsest() ? steps_.total_force(row) : steps_.paths[row].opening);
+      const bool has_all = steps_.level[row] + below <= active || active == ladder_.coarsest();
+      return newtons(has_all ? steps_.total_force(row) : steps_.paths[row].opening);
     });
     book.clear();
   }

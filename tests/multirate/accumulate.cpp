@@ -39,7 +39,7 @@ TEST(Accumulate, GrowsOnTwoSpringsAsTheorySaysAndHasNoResonance) {
     const double step = phase / TwoSprings::stiff_frequency();
     const std::vector<int> levels = tests::levels_of(*springs.stepper(Swing::Zero(), step));
     ASSERT_EQ(levels[1], 7);
-    ASSERT_EQ(levels[0] < 7, phase > 1.92);  // the bound for both springs together: 1.91
+    ASSERT_EQ(levels[0]<7, phase> 1.92);  // the bound for both springs together: 1.91
     const double expected = tests::growth_of([&](const Swing& s) { return theory(s, step, 1 << (7 - levels[0])); });
     const double growth = tests::measured_growth(springs, step);
     // Swings of 1e-7 m are rounded to 1e-16 m, and bend the springs by 1e-6 of themselves.
@@ -54,7 +54,8 @@ TEST(Accumulate, ADampingRatioOfTwoHundredthsStopsTheGrowthOnTwoSprings) {
   TwoSprings springs(Interface::accumulate);
   springs.damp(0.02);
   for (double phase = 0.5; phase < 5.6; phase += 0.1) {
-    EXPECT_LT(tests::measured_growth(springs, phase / TwoSprings::stiff_frequency()), -1e-4) << "phase per coarse step " << phase;
+    EXPECT_LT(tests::measured_growth(springs, phase / TwoSprings::stiff_frequency()), -1e-4)
+        << "phase per coarse step " << phase;
   }
 }
 
@@ -65,8 +66,8 @@ TEST(Accumulate, KeepsAngularMomentumToTheErrorOfTheScheme) {
     cloud.setup.stepping.tolerance = k == 0 ? 1e-3 : 1e-4;
     defect[k] = cloud.defect(1.6e-3);
   }
-  EXPECT_LT(defect[0], 1e-5);            // a hundredth of the tolerance
-  EXPECT_GT(defect[1], 1e-10);           // not exact: far above rounding, 1e-12 (impulse.cpp)
+  EXPECT_LT(defect[0], 1e-5);   // a hundredth of the tolerance
+  EXPECT_GT(defect[1], 1e-10);  // not exact: far above rounding, 1e-12 (impulse.cpp)
   EXPECT_LT(defect[1], 0.5 * defect[0]);
 }
 

@@ -109,7 +109,8 @@ TEST(Extrapolate, KeepsLinearMomentumExactlyInAFlowingSilo) {
     const core::Energies before = stepper->energies();
     for (int k = 0; k < 200; ++k) {
       stepper->advance(1 + k % 3);
-      ASSERT_LE(core::momentum_residual(before, stepper->energies(), stepper->ledger()), 1e-12) << "step " << stepper->steps_done();
+      ASSERT_LE(core::momentum_residual(before, stepper->energies(), stepper->ledger()), 1e-12)
+          << "step " << stepper->steps_done();
     }
     EXPECT_GT(stepper->ledger().discharged, 3);
     EXPECT_EQ(stepper->costs().missed_contacts, 0U);
@@ -170,7 +171,8 @@ TEST(Extrapolate, EvaluatesLessThanAccumulateAtTheSameError) {
 
 TEST(Extrapolate, RestartsBitwise) {
   const core::StepperSetup setup = silo_setup(3.2e-4, true);
-  const auto whole = make_multirate_stepper(tests::flowing_silo(), setup), first = make_multirate_stepper(tests::flowing_silo(), setup);
+  const auto whole = make_multirate_stepper(tests::flowing_silo(), setup),
+             first = make_multirate_stepper(tests::flowing_silo(), setup);
   first->advance(60);
   while (!first->is_checkpointable()) first->advance(1);
   core::StepperSetup rest = setup;

@@ -59,10 +59,10 @@ TEST(Impulse, ResonatesOnTwoSpringsWhereTheorySays) {
     const double halves = 2.0 * n * std::asin(0.5 * phase / n) / std::numbers::pi;
     EXPECT_LT(std::ceil(halves) - halves, 0.4);
   }
-  // Half the period (one fine step, and two), the whole (two, and four), three halves. With one step that is the bound of both
-  // springs together.
+  // Half the period (one fine step, and two), the whole (two, and four), three halves. With one step that is the bound of
+  // both springs together.
   EXPECT_EQ(bands, 5);
-  EXPECT_GT(stable, 250);   // of 355
+  EXPECT_GT(stable, 250);  // of 355
 }
 
 TEST(Impulse, DampingClosesTheBandsLate) {
@@ -122,7 +122,8 @@ TEST(Impulse, KeepsLinearMomentumExactlyInAFlowingSilo) {
   const core::Energies before = stepper->energies();
   for (int k = 0; k < 200; ++k) {
     stepper->advance(1 + k % 3);
-    ASSERT_LE(core::momentum_residual(before, stepper->energies(), stepper->ledger()), 1e-12) << "step " << stepper->steps_done();
+    ASSERT_LE(core::momentum_residual(before, stepper->energies(), stepper->ledger()), 1e-12)
+        << "step " << stepper->steps_done();
   }
   EXPECT_GT(stepper->ledger().discharged, 3);
   EXPECT_EQ(stepper->costs().missed_contacts, 0U);
@@ -177,7 +178,8 @@ TEST(Impulse, RestartsBitwise) {
   core::StepperSetup setup = tests::silo_setup(core::Method::multirate, 3.2e-4, true);
   setup.stepping.interface = Interface::impulse;
   setup.stepping.events = false;
-  const auto whole = make_multirate_stepper(tests::flowing_silo(), setup), first = make_multirate_stepper(tests::flowing_silo(), setup);
+  const auto whole = make_multirate_stepper(tests::flowing_silo(), setup),
+             first = make_multirate_stepper(tests::flowing_silo(), setup);
   first->advance(60);
   while (!first->is_checkpointable()) first->advance(1);
   core::StepperSetup rest = setup;

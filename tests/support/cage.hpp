@@ -12,7 +12,8 @@
 namespace grainclock::tests {
 
 constexpr double kUnitRadius = 0.1;  // m
-constexpr double kUnitMass = 3.0 / (4.0 * std::numbers::pi * kUnitRadius * kUnitRadius * kUnitRadius);  // kg/m3, for balls of 1 kg
+constexpr double kUnitMass =
+    3.0 / (4.0 * std::numbers::pi * kUnitRadius * kUnitRadius * kUnitRadius);  // kg/m3, for balls of 1 kg
 
 inline std::vector<int> levels_of(const core::Stepper& stepper) {
   const core::State state = stepper.state();
@@ -35,7 +36,7 @@ struct Cage {
 
   Cage() {
     constexpr double k_wall = 5e5, k_ball = k_wall / 3600.0;  // N/m
-    const double w = std::sqrt(2.0 * k_wall);                // 1/s, two wall contacts along each axis, 1 kg
+    const double w = std::sqrt(2.0 * k_wall);                 // 1/s, two wall contacts along each axis, 1 kg
     setup.materials.density = kUnitMass;
     setup.materials.wall = {k_wall, 0.01 * w};
     setup.materials.ball = {k_ball, 0.2 * std::sqrt(k_ball)};

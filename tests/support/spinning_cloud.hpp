@@ -1,4 +1,5 @@
-// Balls of many sizes that fall together in empty space, turning: nothing acts from outside, so angular momentum should stay.
+// Balls of many sizes that fall together in empty space, turning: nothing acts from outside, so angular momentum should
+// stay.
 #pragma once
 
 #include "multirate/stepper.hpp"
@@ -23,7 +24,8 @@ struct SpinningCloud {
       for (int y = -2; y <= 2; ++y)
         for (int z = -2; z <= 2; ++z) {
           const core::Vec3 at = kSpacing * core::Vec3(x, y, z) + random.in_cube(0.02);
-          start.add(id++, core::Kind::content, at, core::Vec3(0.0, 0.0, 1.0).cross(at) - 1.5 * at, random.between(0.05, 0.13));
+          start.add(id++, core::Kind::content, at, core::Vec3(0.0, 0.0, 1.0).cross(at) - 1.5 * at,
+                    random.between(0.05, 0.13));
         }
   }
   double mass(std::size_t ball) const { return setup.materials.mass(start.radius[ball]); }

@@ -1,5 +1,5 @@
-// The classical test of multi-rate schemes: a light ball on a stiff spring, between fixed balls, and a heavier ball that rests
-// on it softly. Linear for small swings, so that theory is one matrix per scheme.
+// The classical test of multi-rate schemes: a light ball on a stiff spring, between fixed balls, and a heavier ball that
+// rests on it softly. Linear for small swings, so that theory is one matrix per scheme.
 #pragma once
 
 #include "multirate/stepper.hpp"
@@ -13,13 +13,13 @@ namespace grainclock::tests {
 using Swing = Eigen::Vector4d;
 
 struct TwoSprings {
-  static constexpr double kHeavy = 8.0;           // kg; the light one 1 kg
-  static constexpr double kWall = 1e6;            // N/m
-  static constexpr double kOverlap = 2e-3;        // m, of each of the six wall contacts: no swing opens them
-  static constexpr double kDistance = 1.2 * kUnitRadius - kOverlap;              // m, to their fixed balls
-  static constexpr double kStiff = kWall * (2.0 - 4.0 * kOverlap / kDistance);   // N/m; those across push outwards
-  static constexpr double kSoft = 0.1 * kWall;                                   // N/m
-  static constexpr double kPressed = 1e-5;        // m, overlap of the soft contact at rest
+  static constexpr double kHeavy = 8.0;     // kg; the light one 1 kg
+  static constexpr double kWall = 1e6;      // N/m
+  static constexpr double kOverlap = 2e-3;  // m, of each of the six wall contacts: no swing opens them
+  static constexpr double kDistance = 1.2 * kUnitRadius - kOverlap;             // m, to their fixed balls
+  static constexpr double kStiff = kWall * (2.0 - 4.0 * kOverlap / kDistance);  // N/m; those across push outwards
+  static constexpr double kSoft = 0.1 * kWall;                                  // N/m
+  static constexpr double kPressed = 1e-5;                                      // m, overlap of the soft contact at rest
   core::Vec3 up = core::Vec3(1.0, 1.0, 1.0).normalized();
   core::State rest;
   core::StepperSetup setup;
@@ -63,8 +63,8 @@ struct TwoSprings {
   }
   Swing swing(const core::Stepper& stepper) const {
     const core::State now = stepper.state();
-    return {(now.position[0] - rest.position[0]).dot(up), now.velocity[0].dot(up), (now.position[1] - rest.position[1]).dot(up),
-            now.velocity[1].dot(up)};
+    return {(now.position[0] - rest.position[0]).dot(up), now.velocity[0].dot(up),
+            (now.position[1] - rest.position[1]).dot(up), now.velocity[1].dot(up)};
   }
 };
 
