@@ -512,105 +512,42 @@ void reweigh(const BallRow* rows, PairSpan pairs, const SweepLaw& law, const std
 
 // ---- advance of balls ----
 
-/// Vectors of whole balls, each of four lanes: x, y, z and another.
-template <int kBalls>
-struct Group;
-
-template <>
-struct Group<1> {
-  using Reals = Real4;
-  using Ints = Int4;
-
-  /// The first of every `kStride` balls' four.
-  template <int kStride>
-  GC_INLINE static Reals load(const Real4* from) { return *from; }
-  template <int kStride>
-  GC_INLINE static void store(Real4* to, Reals value) { *to = value; }
-  /// The same for every ball.
-  GC_INLINE static Reals repeat(Real4 one) { return one; }
-  /// One number per ball, in all its lanes.
-  GC_INLINE static Reals spread(const double* number) { return Reals{} + *number; }
-  /// One lane of each ball, in all its lanes.
-  template <int kLane>
-  GC_INLINE static Reals lane(Reals v) { return __builtin_shufflevector(v, v, kLane, kLane, kLane, kLane); }
-};
-
-#if defined(__AVX512F__)
-constexpr int kBallsAtOnce = 2;
-
-template <>
-struct Group<2> {
-  typedef double Reals [[gnu::vector_size(64), gnu::aligned(32)]];
-  typedef std::int64_t Ints [[gnu::vector_size(64), gnu::aligned(32)]];
-
-  template <int kStride>
-  GC_INLINE static Reals load(const Real4* from) {
-    return __builtin_shufflevector(from[0], from[kStride], 0, 1, 2, 3, 4, 5, 6, 7);
-  }
-  template <int kStride>
-  GC_INLINE static void store(Real4* to, Reals value) {
-    to[0] = __builtin_shufflevector(value, value, 0, 1, 2, 3);
-    to[kStride] = __builtin_shufflevector(value, value, 4, 5, 6, 7);
-  }
-  GC_INLINE static Reals repeat(Real4 one) { return __builtin_shufflevector(one, one, 0, 1, 2, 3, 0, 1, 2, 3); }
-  GC_INLINE static Reals spread(const double* number) {
-    return __builtin_shufflevector(Real4{} + number[0], Real4{} + number[1], 0, 1, 2, 3, 4, 5, 6, 7);
-  }
-  template <int kLane>
-  GC_INLINE static Reals lane(Reals v) {
-    constexpr int kSecond = kLane + 4;
-    return __builtin_shufflevector(v, v, kLane, kLane, kLane, kLane, kSecond, kSecond, kSecond, kSecond);
-  }
-};
-#else
-constexpr int kBallsAtOnce = 1;
-#endif
-
-/// x + y + z of every ball, in all its lanes.
-template <int kBalls>
-GC_INLINE typename Group<kBalls>::Reals sum_of_three(typename Group<kBalls>::Reals v) {
-  return Group<kBalls>::template lane<0>(v) + Group<kBalls>::template lane<1>(v) + Group<kBalls>::template lane<2>(v);
-}
-
 /// Closes the step that ends (velocity from the new force sum) and opens the next one (position and
-/// velocity for the next evaluation). Both halves do the same operations alone or together. Takes kBalls rows at a time
-/// while there are as many; returns the first row that is left.
-template <int kBalls, bool kLagged, bool kClose, bool kOpen, bool kBound>
-GC_INLINE std::size_t advance_groups(BallRow* rows, IntVec* sums, std::size_t stride, int parts, IntVec* openings,
-                                     const double* inverse_mass, const SkinReference* skins, const AdvanceParameters& p,
-                                     std::size_t begin, std::size_t end, AdvanceReport& report) {
-  using Balls = Group<kBalls>;
-  using Reals = typename Balls::Reals;
-  using Ints = typename Balls::Ints;
-  const Reals gravity = Balls::repeat(Real4{p.gravity[0], p.gravity[1], p.gravity[2], 0.0});
-  const Reals lower = Balls::repeat(Real4{p.lower[0], p.lower[1], p.lower[2], -__builtin_inf()});  // the outlet included
-  const Reals upper = Balls::repeat(Real4{p.upper[0], p.upper[1], p.upper[2], __builtin_inf()});
-  const Ints xyz = (Ints)Balls::repeat((Real4)Int4{-1, -1, -1, 0});
+/// velocity for the next evaluation). Both halves do the same operations alone or together.
+template <bool kLagged, bool kClose, bool kOpen, bool kBound>
+GC_INLINE void advance_one_by_one(BallRow* rows, IntVec* sums_in, std::size_t stride, int parts, IntVec* opening_in,
+                                  const double* inverse_mass, const SkinReference* skins, const AdvanceParameters& p,
+                                  std::size_t begin, std::size_t end, AdvanceReport& report) {
+  const Real4 gravity = {p.gravity[0], p.gravity[1], p.gravity[2], 0.0};
+  const Real4 lower = {p.lower[0], p.lower[1], p.lower[2], -__builtin_inf()};  // the outlet included
+  const Real4 upper = {p.upper[0], p.upper[1], p.upper[2], __builtin_inf()};
+  const Int4 xyz = {-1, -1, -1, 0};
   const double h = p.step, half = 0.5 * p.step, half_square = 0.5 * p.step * p.step;
-  Ints outside = {}, unsafe = {};
-  std::size_t i = begin;
-  for (; i + kBalls <= end; i += kBalls) {
+  Int4* sums = reinterpret_cast<Int4*>(sums_in);
+  Int4* opening = reinterpret_cast<Int4*>(opening_in);
+  Int4 outside = {};
+  bool unsafe = false;
+  for (std::size_t i = begin; i < end; ++i) {
     Real4* row = reinterpret_cast<Real4*>(rows + i);
-    Ints& opening = *reinterpret_cast<Ints*>(openings + i);
-    Reals x = Balls::template load<2>(row);
-    Reals v = (Reals)((Ints)Balls::template load<2>(row + 1) & xyz);
-    const Reals inertia = p.unit * Balls::spread(inverse_mass + i);
-    Ints force = opening;
+    Real4 x = row[0];
+    Real4 v = (Real4)((Int4)row[1] & xyz);
+    const double inertia = p.unit * inverse_mass[i];
+    Int4 force = opening[i];
     if constexpr (kClose) {
-      force = Ints{};
-      for (int part = 0; part < parts; ++part) {
-        Ints& sum = *reinterpret_cast<Ints*>(sums + static_cast<std::size_t>(part) * stride + i);
-        force += sum;
-        sum = Ints{};
+      force = sums[i];
+      sums[i] = Int4{};
+      for (int part = 1; part < parts; ++part) {
+        force += sums[static_cast<std::size_t>(part) * stride + i];
+        sums[static_cast<std::size_t>(part) * stride + i] = Int4{};
       }
       if constexpr (kLagged) {
-        v += half * (gravity + __builtin_convertvector(force, Reals) * inertia);
+        v += half * (gravity + __builtin_convertvector(force, Real4) * inertia);
       } else {
-        v += __builtin_convertvector(force - opening, Reals) * (half * inertia);
+        v += __builtin_convertvector(force - opening[i], Real4) * (half * inertia);
       }
-      opening = force;
+      opening[i] = force;
     }
-    const Reals a = gravity + __builtin_convertvector(force, Reals) * inertia;
+    const Real4 a = gravity + __builtin_convertvector(force, Real4) * inertia;
     if constexpr (kOpen) {
       if constexpr (kLagged) {
         v += half * a;
@@ -619,36 +556,111 @@ GC_INLINE std::size_t advance_groups(BallRow* rows, IntVec* sums, std::size_t st
         x += h * v + half_square * a;
         v += h * a;
       }
-      const Reals skin = *reinterpret_cast<const Reals*>(skins + i);
-      const Reals away = x - skin;
-      // Written so that a NaN is unsafe. The skin's square is in the fourth lane.
-      unsafe |= ~(sum_of_three<kBalls>(away * away) <= skin);
+      const Real4 away = x - *reinterpret_cast<const Real4*>(skins + i);
+      // Written so that a NaN is unsafe.
+      unsafe |= !(three_sum(away * away) <= skins[i].skin2);
       outside |= ~((x >= lower) & (x <= upper));
-      Balls::template store<2>(row, x);
+      row[0] = x;
+    }
+    if constexpr (kBound) v[3] = three_sum(magnitude4(a));
+    row[1] = v;
+  }
+  report.list_unsafe |= unsafe;
+  report.crossed |= (outside[0] | outside[1] | outside[2]) != 0;
+}
+
+#if defined(__AVX512F__)
+// Two balls, one after the other, each x, y, z and another lane.
+typedef double Two [[gnu::vector_size(64), gnu::aligned(32)]];
+typedef std::int64_t IntTwo [[gnu::vector_size(64), gnu::aligned(32)]];
+
+/// The first fours of two balls' rows.
+GC_INLINE Two load_two(const Real4* from) { return __builtin_shufflevector(from[0], from[2], 0, 1, 2, 3, 4, 5, 6, 7); }
+GC_INLINE void store_two(Real4* to, Two value) {
+  to[0] = __builtin_shufflevector(value, value, 0, 1, 2, 3);
+  to[2] = __builtin_shufflevector(value, value, 4, 5, 6, 7);
+}
+GC_INLINE Two twice(Real4 one) { return __builtin_shufflevector(one, one, 0, 1, 2, 3, 0, 1, 2, 3); }
+template <int kLane>
+GC_INLINE Two lane_of_two(Two v) {
+  return __builtin_shufflevector(v, v, kLane, kLane, kLane, kLane, kLane + 4, kLane + 4, kLane + 4, kLane + 4);
+}
+/// x + y + z of either ball, in all its lanes.
+GC_INLINE Two three_sums(Two v) { return lane_of_two<0>(v) + lane_of_two<1>(v) + lane_of_two<2>(v); }
+
+/// The same two by two, while there are two. Returns the first row that is left.
+template <bool kLagged, bool kClose, bool kOpen, bool kBound>
+GC_INLINE std::size_t advance_two_by_two(BallRow* rows, IntVec* sums, std::size_t stride, int parts, IntVec* openings,
+                                         const double* inverse_mass, const SkinReference* skins, const AdvanceParameters& p,
+                                         std::size_t begin, std::size_t end, AdvanceReport& report) {
+  const Two gravity = twice(Real4{p.gravity[0], p.gravity[1], p.gravity[2], 0.0});
+  const Two lower = twice(Real4{p.lower[0], p.lower[1], p.lower[2], -__builtin_inf()});  // the outlet included
+  const Two upper = twice(Real4{p.upper[0], p.upper[1], p.upper[2], __builtin_inf()});
+  const IntTwo xyz = (IntTwo)twice((Real4)Int4{-1, -1, -1, 0});
+  const double h = p.step, half = 0.5 * p.step, half_square = 0.5 * p.step * p.step;
+  IntTwo outside = {}, unsafe = {};
+  std::size_t i = begin;
+  for (; i + 2 <= end; i += 2) {
+    Real4* row = reinterpret_cast<Real4*>(rows + i);
+    IntTwo& opening = *reinterpret_cast<IntTwo*>(openings + i);
+    Two x = load_two(row);
+    Two v = (Two)((IntTwo)load_two(row + 1) & xyz);
+    const Two inertia = p.unit * __builtin_shufflevector(Real4{} + inverse_mass[i], Real4{} + inverse_mass[i + 1], 0, 1, 2, 3, 4, 5, 6, 7);
+    IntTwo force = opening;
+    if constexpr (kClose) {
+      force = IntTwo{};
+      for (int part = 0; part < parts; ++part) {
+        IntTwo& sum = *reinterpret_cast<IntTwo*>(sums + static_cast<std::size_t>(part) * stride + i);
+        force += sum;
+        sum = IntTwo{};
+      }
+      if constexpr (kLagged) {
+        v += half * (gravity + __builtin_convertvector(force, Two) * inertia);
+      } else {
+        v += __builtin_convertvector(force - opening, Two) * (half * inertia);
+      }
+      opening = force;
+    }
+    const Two a = gravity + __builtin_convertvector(force, Two) * inertia;
+    if constexpr (kOpen) {
+      if constexpr (kLagged) {
+        v += half * a;
+        x += h * v;
+      } else {
+        x += h * v + half_square * a;
+        v += h * a;
+      }
+      const Two skin = *reinterpret_cast<const Two*>(skins + i);
+      const Two away = x - skin;
+      // Written so that a NaN is unsafe. The skin's square is in the fourth lane.
+      unsafe |= ~(three_sums(away * away) <= skin);
+      outside |= ~((x >= lower) & (x <= upper));
+      store_two(row, x);
     }
     if constexpr (kBound) {
-      const Reals size = sum_of_three<kBalls>((Reals)((Ints)a & (Ints{} + INT64_MAX)));
-      v = (Reals)((Ints)v | ((Ints)size & ~xyz));
+      const Two size = three_sums((Two)((IntTwo)a & (IntTwo{} + INT64_MAX)));
+      v = (Two)((IntTwo)v | ((IntTwo)size & ~xyz));
     }
-    Balls::template store<2>(row + 1, v);
+    store_two(row + 1, v);
   }
-  for (int lane = 0; lane < 4 * kBalls; ++lane) {
+  for (int lane = 0; lane < 8; ++lane) {
     if (lane % 4 == 3) report.list_unsafe |= unsafe[lane] != 0;
     else report.crossed |= outside[lane] != 0;
   }
   return i;
 }
+#endif
 
 template <bool kLagged, bool kClose, bool kOpen, bool kBound>
 AdvanceReport advance_rows(BallRow* rows, IntVec* sums, std::size_t stride, int parts, IntVec* opening,
                            const double* inverse_mass, const SkinReference* skins, const AdvanceParameters& p,
                            std::size_t begin, std::size_t end) {
   AdvanceReport report;
-  const std::size_t left = advance_groups<kBallsAtOnce, kLagged, kClose, kOpen, kBound>(
-      rows, sums, stride, parts, opening, inverse_mass, skins, p, begin, end, report);
-  if constexpr (kBallsAtOnce > 1) {
-    advance_groups<1, kLagged, kClose, kOpen, kBound>(rows, sums, stride, parts, opening, inverse_mass, skins, p, left, end, report);
-  }
+#if defined(__AVX512F__)
+  begin = advance_two_by_two<kLagged, kClose, kOpen, kBound>(rows, sums, stride, parts, opening, inverse_mass, skins, p, begin, end,
+                                                             report);
+#endif
+  advance_one_by_one<kLagged, kClose, kOpen, kBound>(rows, sums, stride, parts, opening, inverse_mass, skins, p, begin, end, report);
   return report;
 }
 
