@@ -269,6 +269,18 @@ void BallStepper::throw_overloaded(const std::function<bool(std::uint32_t)>& cou
                                   start_time_ + elapsed(), step_, text));
 }
 
+void BallStepper::stop_first_impacts(std::vector<std::uint32_t>& rows) {
+  // In order of id, so that the ledger does not depend on the sort in space.
+  std::sort(rows.begin(), rows.end(), [this](std::uint32_t a, std::uint32_t b) { return balls_.id[a] < balls_.id[b]; });
+  for (const std::uint32_t row : rows) {
+    BallRow& ball = balls_.rows[row];
+    impacted_[row] = 1;
+    ledger_.first_impact += 0.5 * mass(row) * ball.vz * ball.vz;
+    ledger_.first_impact_impulse.z() -= mass(row) * ball.vz;
+    ball.vz = 0.0;
+  }
+}
+
 void BallStepper::book_events(const EventBook& book) {
   std::int64_t dissipated = 0, magnitude = 0, wall[3] = {0, 0, 0};
   for (const EventBook::Entry& e : book.entries()) {

@@ -41,6 +41,8 @@ class BallStepper : public Stepper {
   /// Throws NumericsError with the worst contact of the evaluation at the rows' present values, among the rows that
   /// `counts` (those that have not moved on since).
   [[noreturn]] void throw_overloaded(const std::function<bool(std::uint32_t)>& counts = [](std::uint32_t) { return true; }) const;
+  /// Takes the vertical velocity from `rows`, which feel a contact for the first time (paper, section 5.3), and books it.
+  void stop_first_impacts(std::vector<std::uint32_t>& rows);
   /// Seconds from the start of the time line of this stepper to now.
   double elapsed() const { return static_cast<double>(steps_done_ - first_step_) * step_; }
   /// Gravity, domain, unit and coarsest step for the kernels.

@@ -17,9 +17,7 @@ class PairwiseStepper final : public SplitStepper {
 
  private:
   void find_dashpots() override {
-    for (Touch& touch : touches_) touch.dashpot = 0.0;
-    add_up_forces();
-    kick(step_, velocity_);
+    kick_without_dashpots(velocity_);
     for (auto touch = touches_.begin(); touch != touches_.end(); ++touch) slow_down(*touch);
     for (auto touch = touches_.rbegin(); touch != touches_.rend(); ++touch) slow_down(*touch);
   }

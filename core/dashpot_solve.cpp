@@ -126,10 +126,8 @@ class SolveStepper final : public SplitStepper {
 
  private:
   void find_dashpots() override {
-    for (Touch& touch : touches_) touch.dashpot = 0.0;
-    add_up_forces();
     place_balls();
-    kick(step_, velocity_);
+    kick_without_dashpots(velocity_);
     start_.resize(matrix_.rows());
     for (std::uint32_t row = 0; row < balls_.content_count(); ++row) start_.segment<3>(place_[row]) = velocity_[row];
     end_ = start_;

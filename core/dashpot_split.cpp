@@ -20,6 +20,12 @@ void SplitStepper::take_step() {
   drift();
 }
 
+void SplitStepper::kick_without_dashpots(std::vector<Vec3>& velocity) {
+  for (Touch& touch : touches_) touch.dashpot = 0.0;
+  add_up_forces();
+  kick(step_, velocity);
+}
+
 void SplitStepper::kick(double seconds, std::vector<Vec3>& velocity) const {
   velocity.resize(balls_.content_count());
   for (std::uint32_t row = 0; row < balls_.content_count(); ++row)

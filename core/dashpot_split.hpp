@@ -15,6 +15,8 @@ class SplitStepper : public DashpotStepper {
  protected:
   /// Sets the touches' dashpot forces: means over the step.
   virtual void find_dashpots() = 0;
+  /// Takes the springs' forces alone for a start: velocities after a kick of theirs, per row.
+  void kick_without_dashpots(std::vector<Vec3>& velocity);
   /// Velocities after `seconds` of gravity and of the forces in sums_, per row.
   void kick(double seconds, std::vector<Vec3>& velocity) const;
 

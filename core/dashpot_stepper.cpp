@@ -45,8 +45,8 @@ void DashpotStepper::advance(std::int64_t n) {
     ++steps_done_;
     costs_.ball_updates += balls_.content_count();
     book_gravity(step_);
-    const std::vector<std::uint32_t> stopped = setup_.first_impact ? first_hits() : std::vector<std::uint32_t>{};
-    for (const std::uint32_t row : stopped) stop_first_impact(row);
+    std::vector<std::uint32_t> stopped = setup_.first_impact ? first_hits() : std::vector<std::uint32_t>{};
+    stop_first_impacts(stopped);
     keep_list_safe();  // from here on the touches are gone
     const std::vector<std::uint8_t> leaving = find_leaving();
     if (!leaving.empty()) build_list(leaving);
@@ -100,7 +100,7 @@ void DashpotStepper::add_up_forces() {
   }
 }
 
-/// Content rows that feel a contact for the first time (paper, section 5.3), in order of ids.
+/// Content rows that feel a contact for the first time (paper, section 5.3).
 std::vector<std::uint32_t> DashpotStepper::first_hits() const {
   std::vector<std::uint32_t> hit;
   const auto add = [&](std::uint32_t row) {
@@ -111,17 +111,9 @@ std::vector<std::uint32_t> DashpotStepper::first_hits() const {
     add(touch.i);
     if (touch.both) add(touch.j);
   }
-  std::sort(hit.begin(), hit.end(), [this](std::uint32_t a, std::uint32_t b) { return balls_.id[a] < balls_.id[b]; });
+  std::sort(hit.begin(), hit.end());
   hit.erase(std::unique(hit.begin(), hit.end()), hit.end());
   return hit;
-}
-
-void DashpotStepper::stop_first_impact(std::uint32_t row) {
-  BallRow& ball = balls_.rows[row];
-  impacted_[row] = 1;
-  ledger_.first_impact += 0.5 * mass(row) * ball.vz * ball.vz;
-  ledger_.first_impact_impulse.z() -= mass(row) * ball.vz;
-  ball.vz = 0.0;
 }
 
 State DashpotStepper::state() const {

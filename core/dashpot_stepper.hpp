@@ -64,7 +64,6 @@ class DashpotStepper : public BallStepper {
   /// A restart needs nothing but the synchronised state and the dashpots' memory.
   void keep_evaluated() { evaluated_ = balls_.rows; }
   std::vector<std::uint32_t> first_hits() const;
-  void stop_first_impact(std::uint32_t row);
 
   DashpotTouches pairs_;
   std::vector<double> losses_;  // 1/s, C/m per content row

@@ -1,5 +1,7 @@
 #include "core/neighbours.hpp"
 
+#include "core/share_work.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -81,21 +83,15 @@ const std::vector<std::uint32_t>& NeighbourList::build(Balls& balls, const std::
   const std::size_t n = balls.content_count();
   skins_.resize(n);
   for (auto* values : {&x_, &y_, &z_, &sphere_}) values->resize(n + kLanes);
-  in_parallel([&](int t) { place_spheres(balls, t); });
-  in_parallel([&](int t) { find_beyond(t); });
-  in_parallel([&](int t) {
+  share_work(threads_, [&](int t) { place_spheres(balls, t); });
+  share_work(threads_, [&](int t) { find_beyond(t); });
+  share_work(threads_, [&](int t) {
     find_ball_pairs(t);
     find_fixed_pairs(balls, t);
   });
   join(ball_pairs_, &Share::balls, balls.far_row());
   join(fixed_pairs_, &Share::fixed, balls.far_row());
   return sorted_.order();
-}
-
-template <class Work>
-void NeighbourList::in_parallel(Work work) {
-#pragma omp parallel for num_threads(threads_) schedule(static, 1) if (threads_ > 1)
-  for (int t = 0; t < threads_; ++t) work(t);
 }
 
 /// Makes floor and lifetime longer or shorter: a ball that speeds up uses up a floor in a time that goes with its root.
@@ -149,8 +145,8 @@ void NeighbourList::sort_content(Balls& balls, const std::vector<std::uint8_t>& 
   const std::size_t n = balls.content_count();
   std::vector<std::uint32_t>& cube = sorted_.cube();
   cube.resize(n);
-  in_parallel([&](int t) {
-    for (std::size_t i = n * t / threads_; i < n * (t + 1) / threads_; ++i) {
+  share_range(n, threads_, [&](int /*t*/, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
       const bool leaves = !leaving.empty() && leaving[i] != 0;
       cube[i] = leaves ? CubeSort::kNowhere : static_cast<std::uint32_t>(grid_.index(reference(balls.rows[i])));
     }
@@ -267,7 +263,7 @@ void NeighbourList::join(PairList& list, PairList Share::*part, std::uint32_t fa
   for (std::size_t t = 1; t < shares_.size(); ++t) total += (shares_[t].*part).count;
   make_room(list, total + kLanes);
   if (threads_ > 1) {
-    in_parallel([&](int t) {
+    share_work(threads_, [&](int t) {
       auto to = static_cast<std::ptrdiff_t>(list.count);
       for (std::size_t s = 1; s < shares_.size(); ++s) {
         const PairList& from = shares_[s].*part;

@@ -76,9 +76,6 @@ class NeighbourList {
   void find_ball_pairs(int thread);
   void find_fixed_pairs(const Balls& balls, int thread);
   void join(PairList& list, PairList Share::*part, std::uint32_t far);
-  /// Calls work(thread) for all threads at once.
-  template <class Work>
-  void in_parallel(Work work);
   /// Where a thread's share of the cubes and their rows begins; shares are about equal in rows.
   std::size_t first_cube(int thread) const;
   std::uint32_t first_row(int thread) const;

@@ -75,7 +75,7 @@ class UniformStepper final : public BallStepper {
       move(Advance::close);
       finish_step();
       const bool stopped = setup_.first_impact && !first_hit_.empty();
-      if (stopped) stop_first_impacts();
+      if (stopped) stop_first_impacts(first_hit_);
       if (stopped || scheme_ == Integrator::pece) {
         // The dashpots' forces change with the velocities: the next step opens with new ones, and books those.
         evaluate_again();
@@ -336,19 +336,7 @@ class UniformStepper final : public BallStepper {
       const IntVec force = total_force(row);
       if (impacted_[row] == 0 && (force.v[0] != 0 || force.v[1] != 0 || force.v[2] != 0)) first_hit_.push_back(row);
     }
-    // In order of id, so that the ledger does not depend on the sort in space.
-    std::sort(first_hit_.begin(), first_hit_.end(), [this](std::uint32_t a, std::uint32_t b) { return balls_.id[a] < balls_.id[b]; });
   }
-  void stop_first_impacts() {
-    for (const std::uint32_t row : first_hit_) {
-      BallRow& ball = balls_.rows[row];
-      impacted_[row] = 1;
-      ledger_.first_impact += 0.5 * mass(row) * ball.vz * ball.vz;
-      ledger_.first_impact_impulse.z() -= mass(row) * ball.vz;
-      ball.vz = 0.0;
-    }
-  }
-
 
   Integrator scheme_;
   bool events_;

@@ -36,12 +36,7 @@ class Accumulate final : public InterfaceStrategy {
   /// As far as the force goes that a ball's path takes as constant. What the last kick left holds for balls that keep
   /// their levels.
   void open(BallSteps& steps, bool is_new, std::uint32_t begin, std::uint32_t end) const override {
-    for (std::uint32_t row = begin; row < end; ++row) {
-      if (is_new) steps.balance[row] = {};
-      if (steps.before[row] == steps.level[row] && !is_new) continue;
-      const std::int64_t had = is_new ? 0 : std::int64_t{2} << steps.before[row], has = std::int64_t{2} << steps.level[row];
-      for (int k = 0; k < 3; ++k) steps.balance[row].v[k] += (had - has) * steps.paths[row].opening.v[k];
-    }
+    open_balances(steps, is_new, begin, end);
   }
 
  private:

@@ -61,6 +61,17 @@ struct BallSteps {
   }
 };
 
+/// A path takes the force that opened it as constant, and the balance of its step begins with that much less, 2^(level + 1)
+/// times: for rows [begin, end) at new levels, what that changes by; if `is_new`, balances begin with it.
+inline void open_balances(BallSteps& steps, bool is_new, std::uint32_t begin, std::uint32_t end) {
+  for (std::uint32_t row = begin; row < end; ++row) {
+    if (is_new) steps.balance[row] = {};
+    if (steps.before[row] == steps.level[row] && !is_new) continue;
+    const std::int64_t had = is_new ? 0 : 2 * ticks_of(steps.before[row]), has = 2 * ticks_of(steps.level[row]);
+    for (int k = 0; k < 3; ++k) steps.balance[row].v[k] += (had - has) * steps.paths[row].opening.v[k];
+  }
+}
+
 /// Lets a row go on under `force` [units of `unit` N], its force sum at present. `gravity` in m/s2.
 inline void begin_path(core::BallRow& row, core::Path& path, const core::IntVec& force, const core::Vec3& gravity,
                        double unit) {

@@ -69,11 +69,7 @@ class Extrapolate final : public InterfaceStrategy {
 
   /// As accumulate does it.
   void open(BallSteps& steps, bool is_new, std::uint32_t begin, std::uint32_t end) const override {
-    for (std::uint32_t row = begin; row < end; ++row) {
-      if (is_new) steps.balance[row] = {};
-      const std::int64_t had = is_new ? 0 : 2 * ticks_of(steps.before[row]), has = 2 * ticks_of(steps.level[row]);
-      for (int a = 0; a < 3; ++a) steps.balance[row].v[a] += (had - has) * steps.paths[row].opening.v[a];
-    }
+    open_balances(steps, is_new, begin, end);
   }
 
   /// Force sums of slow contacts. Only what is extrapolated depends on them: they need not be the kernels' integers.

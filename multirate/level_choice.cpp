@@ -44,9 +44,8 @@ LevelChoice::LevelChoice(const Ladder& ladder, const core::StepperSetup& setup, 
 
 template <class Work>
 void LevelChoice::share_balls(Work work) const {
-  const std::uint64_t n = urgency_.size();
-  core::share_work(threads_, [&](int t) {
-    work(static_cast<std::uint32_t>(n * t / threads_), static_cast<std::uint32_t>(n * (t + 1) / threads_));
+  core::share_range(urgency_.size(), threads_, [&](int /*t*/, std::size_t begin, std::size_t end) {
+    work(static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end));
   });
 }
 
@@ -90,11 +89,10 @@ void LevelChoice::find_needs(const Recorded& recorded, const BallSteps& steps) {
   largest_inverse_mass_ = 0.0;
   for (const double inverse : recorded.balls.inverse_mass) largest_inverse_mass_ = std::max(largest_inverse_mass_, inverse);
   PairBook& book = recorded.books[false];
-  const std::size_t count = recorded.ball_pairs.count;
-  core::share_work(threads_, [&](int t) {
+  core::share_range(recorded.ball_pairs.count, threads_, [&](int t, std::size_t begin, std::size_t end) {
     add_needs_(recorded.ball_pairs.span(), book.records(0), steps.paths.data(), recorded.margin.data(),
                need_parameters(false), book.level.data(), needs_[static_cast<std::size_t>(t)].data(), 0,
-               count * t / threads_, count * (t + 1) / threads_);
+               begin, end);
   });
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "core/kernels.hpp"
+#include "core/share_work.hpp"
 #include "multirate/time_line.hpp"
 
 #include <span>
@@ -22,17 +23,16 @@ std::size_t limit_levels(std::span<Level> level, const core::PairSpan& pairs, st
   std::size_t demotions = 0;
   for (bool changed = true; changed;) {
     // Looking takes long, demoting does not.
-#pragma omp parallel for num_threads(threads) schedule(static, 1) if (threads > 1)
-    for (int t = 0; t < threads; ++t) {
+    core::share_range(count, threads, [&](int t, std::size_t begin, std::size_t end) {
       std::vector<std::uint32_t>& mine = found[static_cast<std::size_t>(t)];
       mine.clear();
-      for (std::size_t p = count * t / threads; p < count * (t + 1) / threads; ++p) {
+      for (std::size_t p = begin; p < end; ++p) {
         const int difference = level[pairs.i[p]] - level[pairs.j[p]];
         if ((difference > largest_difference || -difference > largest_difference) && is_active(p)) {
           mine.push_back(static_cast<std::uint32_t>(p));
         }
       }
-    }
+    });
     changed = false;
     for (const std::vector<std::uint32_t>& some : found) {
       for (const std::uint32_t p : some) {

@@ -234,9 +234,8 @@ class MultirateStepper final : public core::BallStepper {
   /// Calls work(begin, end) for shares of the content, by threads.
   template <class Work>
   void share_balls(Work work) {
-    const std::uint64_t n = balls_.content_count();
-    share_work(threads_, [&](int t) {
-      work(static_cast<std::uint32_t>(n * t / threads_), static_cast<std::uint32_t>(n * (t + 1) / threads_));
+    core::share_range(balls_.content_count(), threads_, [&](int /*t*/, std::size_t begin, std::size_t end) {
+      work(static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end));
     });
   }
 
@@ -244,8 +243,7 @@ class MultirateStepper final : public core::BallStepper {
   template <class Work>
   void share_rows(const std::vector<std::uint32_t>& rows, Work work) {
     const int parts = rows.size() >= kWorthThreads ? threads_ : 1;
-    share_work(parts, [&](int t) {
-      const std::size_t begin = rows.size() * t / parts, end = rows.size() * (t + 1) / parts;
+    core::share_range(rows.size(), parts, [&](int /*t*/, std::size_t begin, std::size_t end) {
       work(core::RowSpan{rows.data() + begin, end - begin});
     });
   }

@@ -41,7 +41,8 @@ struct Watch {
   std::int64_t left_last = 0;          // step of the phase at which the last ball was seen to have left
 };
 
-/// Judges the state at a check, by its kinetic energy [J] and count of balls that left, each `step` of the phase at [s]; gives the reason where the phase is over.
+/// Judges the state at a check after `steps` steps of `step` [s], by its kinetic energy [J] and the count of balls that
+/// left; gives the reason where the phase is over.
 /// Rest: kinetic energy per ball below 1e-6 m g r for 0.1 s. A permanent arch (for 5 s nothing left
 /// and kinetic energy per ball below 5e-3 m g r) ends a phase that waits for a discharge.
 std::optional<std::string> phase_end(const core::Phase& phase, const MeanBall& mean, double gravity, double step, std::int64_t steps,

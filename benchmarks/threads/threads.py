@@ -16,7 +16,7 @@ def start(program, state, method, threads):
 
 
 def result(process):
-    """(seconds, contact evaluations, ball updates, hash)"""
+    """(seconds, contact evaluations, ball updates, checksum)"""
     text, _ = process.communicate()
     if process.returncode != 0:
         sys.exit(f"threads.py: {' '.join(process.args)} ended with exit code {process.returncode}")
