@@ -92,7 +92,8 @@ struct alignas(64) Path {
 /// Where a ball is expected: on a straight line from `x` at `v`, give or take `margin`.
 struct alignas(64) StraightPath {
   double x, y, z, margin;  // m
-  double vx, vy, vz, unused;  // m/s
+  double vx, vy, vz;       // m/s
+  double outlook;          // m, how far from `x` lists have looked for what the ball could touch
 };
 struct KickParameters {
   double gravity[3];

@@ -13,7 +13,6 @@ namespace {
 using core::BallRow;
 using core::PairList;
 
-constexpr double kSoon = 2.5e-4;            // mean diameters: gaps below it count as about to close
 constexpr std::uint32_t kRowsAtOnce = 128;  // rows whose needs from fixed balls are found together
 // Speeds below these shares of sqrt(g d) and of omega d need not be resolved relative to themselves.
 constexpr double kQuiet = 0.05, kStill = 1e-6;

@@ -79,10 +79,8 @@ template <class Real, bool kBoth>
   const Real overlap = load<Real>(book.overlap + p), rate = load<Real>(book.rate + p);
   const Real inverse_mass = load<Real>(in.inverse_mass + q);
   const Real gap = -overlap - w.reach;
-  const Real approach = rate > Real{} ? rate : Real{};
-  // Written so that a NaN is not skipped.
-  const auto is_skipped = gap > load<Real>(in.speed + q) * w.interval + load<Real>(in.room + q);
-  const auto is_far = gap > kAccelerating * approach * w.interval + w.soon;
+  const auto is_skipped = cannot_touch(gap, load<Real>(in.speed + q), w.interval, load<Real>(in.room + q));
+  const auto is_far = is_out_of_reach(gap, rate, w.interval, w.soon);
   const PairMotion<Real> motion =
       motion_of(overlap, rate, load<Real>(in.acceleration + q), w.k * inverse_mass, w.speed2);
   store(reinterpret_cast<std::int8_t*>(level + p), is_skipped);

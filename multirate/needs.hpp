@@ -9,6 +9,7 @@ namespace grainclock::multirate {
 
 constexpr Level kSkipped = core::kNoWeight;  // of a pair that cannot touch before the next renewal
 constexpr double kAccelerating = 1.5;        // an approach may be faster than it looks now by this much
+constexpr double kSoon = 2.5e-4;             // mean diameters: gaps below it count as about to close
 
 /// What a ball's pairs of one kind, with balls or with fixed balls, ask of its step.
 struct alignas(64) Need {
@@ -27,9 +28,25 @@ struct NeedParameters {
   bool both;        // j is content
 };
 
+// Real is double or a vector of it. Both are written so that a NaN is neither skipped nor out of reach.
+
+/// Whether balls `gap` [m] apart, each on its straight path or at most `room` [m] off (together), cannot meet within
+/// `interval` [s], whatever the direction of their relative speed [m/s].
+template <class Real>
+[[gnu::always_inline]] inline auto cannot_touch(Real gap, Real speed, double interval, Real room) {
+  return gap > speed * interval + room;
+}
+/// Whether a pair that may touch within the interval will not, by its `rate` [m/s] of approach: it asks for no step.
+template <class Real>
+[[gnu::always_inline]] inline auto is_out_of_reach(Real gap, Real rate, double interval, double soon) {
+  const Real approach = rate > Real{} ? rate : Real{};
+  return gap > kAccelerating * approach * interval + soon;
+}
+
 /// Marks pairs [begin, end) that cannot touch within the interval as kSkipped, others as 0, and adds what these ask to
-/// `needs` of their balls: urgencies if they are about to touch, and then, or if one ball is fixed, their normals. Rows from `first_row` on. Pairs as recorded at the end of a step, `paths` as they go on; `margin`
-/// [m] is how far a ball may stray from its straight path. Sums are whole numbers, so that any order gives the same.
+/// `needs` of their balls: urgencies if they are about to touch, and then, or if one ball is fixed, their normals. Rows
+/// from `first_row` on. Pairs as recorded at the end of a step, `paths` as they go on; `margin` [m] is how far a ball may
+/// stray from its straight path. Sums are whole numbers, so that any order gives the same.
 using AddNeeds = void (*)(core::PairSpan, const core::PairRecords&, const core::Path* paths, const double* margin,
                           const NeedParameters&, Level* level, Need* needs, std::uint32_t first_row, std::size_t begin,
                           std::size_t end);

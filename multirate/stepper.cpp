@@ -15,9 +15,9 @@
 #include "multirate/interface.hpp"
 #include "multirate/level_choice.hpp"
 #include "multirate/schedule.hpp"
+#include "multirate/straight_paths.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 
 namespace grainclock::multirate {
@@ -31,12 +31,10 @@ using core::SweepTotals;
 using core::Vec3;
 using core::share_work;
 
-constexpr double kMargin = 2.4e-3; // mean diameters that a ball may stray from its straight path between renewals
-constexpr double kAhead = 1.1 * kAccelerating;  // intervals between renewals that lists look ahead
 constexpr std::size_t kWorthThreads = 1024;  // pairs or balls
 constexpr double kReachRoom = 1.0 + 1e-6;    // recorded overlaps are rounded to seven digits
-constexpr int kMostCoarseSteps = 6;     // between regular renewals
-constexpr double kRenewalPhase = 1.25;  // omega times the time between renewals, of two mean balls
+constexpr int kMostCoarseSteps = 8;     // between regular renewals
+constexpr double kRenewalPhase = 1.6;   // omega times the time between renewals, of two mean balls
 
 /// Coarse steps between regular renewals of classes: while a pulse passes few balls only.
 int renew_every(const core::Materials& materials, double diameter, double coarsest_step) {
@@ -46,14 +44,14 @@ int renew_every(const core::Materials& materials, double diameter, double coarse
 class MultirateStepper final : public core::BallStepper {
  public:
   MultirateStepper(const core::State& state, const core::StepperSetup& setup)
-      : BallStepper(state, setup, setup.stepping.levels, kAhead * kMostCoarseSteps * *setup.stepping.step),
+      : BallStepper(state, setup, setup.stepping.levels, StraightPaths::look_ahead(kMostCoarseSteps * *setup.stepping.step)),
         ladder_(step_, setup.stepping.levels),
         renew_every_(renew_every(setup.materials, length_scale_, step_)),
         interval_(renew_every_ * step_),
         events_(setup.stepping.events),
         event_books_(static_cast<std::size_t>(std::max(1, setup.threads)), core::EventBook(scale_, 0.5 * ladder_.tick())),
         threads_(std::max(1, setup.threads)),
-        advance_(advance_parameters()),
+        straight_(*setup_.kernels, advance_parameters(), interval_, length_scale_, threads_),
         strategy_(make_interface(setup.stepping, {*setup_.kernels, setup_.gravity, scale_.unit, 0.5 * ladder_.tick(),
                                                       {law(false, 0.0), law(true, 0.0)}})),
         choice_(ladder_, setup, law(false, 0.0).law, law(true, 0.0).law, length_scale_, interval_, strategy_->levels_below()),
@@ -66,7 +64,6 @@ class MultirateStepper final : public core::BallStepper {
     const std::uint32_t n = balls_.content_count();
     steps_.paths.resize(n);
     steps_.balance.resize(n);
-    expected_.resize(n);
     steps_.level.assign(n, ladder_.coarsest());
     if (!state.level.empty() && !state.evaluated_position.empty()) {
       std::uint32_t row = 0;
@@ -78,7 +75,7 @@ class MultirateStepper final : public core::BallStepper {
     build_list();
     record_and_open();
     if (!state.evaluated_position.empty()) load_synchronised(state);
-    if (is_list_worn()) relist();
+    if (straight_.is_list_worn(balls_, list_.skins())) relist();
     classify(true);
     costs_ = setup.costs;
     records_ = 0;
@@ -261,21 +258,15 @@ class MultirateStepper final : public core::BallStepper {
 
   // ---- renewal of classes, at the end of a coarse step ----
 
-  /// Every few coarse steps; at once when a ball strays from the straight path that the skipped pairs rely on.
+  /// Every few coarse steps; at once when a ball leaves the silo, or strays from the straight path that classes rely on.
   bool is_renewal_due() {
     const double seconds = static_cast<double>(steps_done_ + 1 - renewed_at_) * step_;
-    const std::uint32_t n = balls_.content_count();
-    bool strayed = false, crossed = false;
-#pragma omp parallel for num_threads(threads_) schedule(static, 1) reduction(|| : strayed, crossed) if (threads_ > 1)
-    for (int t = 0; t < threads_; ++t) {
-      const auto report = setup_.kernels->watch(balls_.rows.data(), expected_.data(), seconds, advance_,
-                                                std::size_t{n} * t / threads_, std::size_t{n} * (t + 1) / threads_);
-      strayed = strayed || report.list_unsafe;
-      crossed = crossed || report.crossed;
-    }
+    const auto [has_strays, crossed] = straight_.watch(balls_, seconds);
     crossed_ = crossed;
-    return strayed || crossed || (steps_done_ + 1) % renew_every_ == 0;
+    if (crossed || (steps_done_ + 1) % renew_every_ == 0) return true;
+    return has_strays && !straight_.redirect_strays(balls_, {classed(false), classed(true)}, seconds);
   }
+  ClassedPairs classed(bool fixed) const { return {listed(fixed), books_[fixed], fixed, law(fixed, 0.0).law.reach}; }
 
   const PairList& listed(bool fixed) const { return fixed ? list_.fixed_pairs() : list_.ball_pairs(); }
 
@@ -346,7 +337,7 @@ class MultirateStepper final : public core::BallStepper {
         return;
       }
     }
-    const bool is_worn = is_list_worn();
+    const bool is_worn = straight_.is_list_worn(balls_, list_.skins());
     if (is_worn) relist();
     classify(is_worn);
   }
@@ -368,39 +359,11 @@ class MultirateStepper final : public core::BallStepper {
     steps_.clear_sums();
   }
 
-  /// Whether a pair that classification should see by its gap and speed could be missing from the list.
-  bool is_list_worn() {
-    const double ahead = kAhead * interval_;
-    std::atomic<bool> is_worn = false;
-    share_balls([&](std::uint32_t begin, std::uint32_t end) {
-      for (std::uint32_t row = begin; row < end; ++row) {
-        const BallRow& r = balls_.rows[row];
-        const core::SkinReference& skin = list_.skins()[row];
-        const double room = std::sqrt(skin.skin2) - margin(r) - ahead * velocity(r).norm();
-        const Vec3 away = position(r) - Vec3(skin.x, skin.y, skin.z);
-        if (!(room > 0.0 && away.squaredNorm() <= room * room)) is_worn = true;
-      }
-    });
-    return is_worn;
-  }
-
-  /// How far a ball may stray from its straight path before the next renewal [m].
-  double margin(const BallRow& row) const {
-    const double most = kMargin * length_scale_;
-    return most + std::min(most, 0.5 * interval_ * interval_ * row.a);
-  }
-
   /// Levels of balls and contacts from the records; opens all steps at them. `is_new`: no pair of the list had a level.
   void classify(bool is_new) {
-    share_balls([this](std::uint32_t begin, std::uint32_t end) {
-      for (std::uint32_t row = begin; row < end; ++row) {
-        const BallRow& r = balls_.rows[row];
-        margin_[row] = margin(r);
-        expected_[row] = {r.x, r.y, r.z, margin_[row], r.vx, r.vy, r.vz, 0.0};
-      }
-    });
+    straight_.begin(balls_);
     for (PairBook& book : books_) book.before.swap(book.level);
-    choice_.choose({balls_, listed(false), listed(true), books_, margin_}, steps_);
+    choice_.choose({balls_, listed(false), listed(true), books_, straight_.margin()}, steps_);
     if (is_new) opened_ = {Opened{{}, {}, 0.5 * ladder_.tick()}};
     share_balls([&](std::uint32_t begin, std::uint32_t end) { strategy_->open(steps_, is_new, begin, end); });
     batches_.begin(steps_.level);
@@ -430,8 +393,6 @@ class MultirateStepper final : public core::BallStepper {
   void follow_order(std::span<const std::uint32_t> order) override {
     steps_.follow_order(order, balls_.spare, threads_);
     choice_.follow_order(order.size());
-    expected_.resize(order.size());
-    margin_.resize(order.size());
     for (const bool fixed : {false, true}) books_[fixed].begin(listed(fixed).i.size());
   }
   std::vector<std::uint8_t> levels() const override { return steps_.level; }
@@ -442,7 +403,7 @@ class MultirateStepper final : public core::BallStepper {
   bool events_;
   std::vector<core::EventBook> event_books_;  // per thread
   int threads_;
-  core::AdvanceParameters advance_;
+  StraightPaths straight_;
   std::unique_ptr<InterfaceStrategy> strategy_;
   LevelChoice choice_;
   Batches batches_;
@@ -450,9 +411,7 @@ class MultirateStepper final : public core::BallStepper {
   std::vector<std::uint8_t> drifted_;       // per level: its rows have gone on to their next tick
   std::vector<SweepTotals> totals_;         // per thread
   std::vector<core::CandidateList> found_;  // per thread
-  std::vector<core::StraightPath> expected_;
   PairBook books_[2];                    // among balls, with fixed balls
-  std::vector<double> margin_;            // m, see margin()
   std::vector<Opened> opened_;
   std::vector<std::int64_t> balls_at_, contacts_at_;  // sums over coarse steps
   std::int64_t coarse_steps_ = 0, records_ = 0;
