@@ -1,6 +1,5 @@
 // Strategy accumulate: what its head claims beyond momentum.cpp and order.cpp.
-#include "tests/support/spinning_cloud.hpp"
-#include "tests/support/two_springs.hpp"
+#include "tests/support/strategies.hpp"
 
 #include <gtest/gtest.h>
 
@@ -32,20 +31,14 @@ Swing theory(Swing s, double step, int n) {
 }
 
 TEST(Accumulate, GrowsOnTwoSpringsAsTheorySaysAndHasNoResonance) {
-  TwoSprings springs(Interface::accumulate);
   double worst = 0.0;
-  for (double phase = 0.5; phase < 8.0; phase += 0.05) {  // of the stiff spring, through half its period and multiples
-    SCOPED_TRACE(testing::Message() << "phase per coarse step " << phase);
-    const double step = phase / TwoSprings::stiff_frequency();
-    const std::vector<int> levels = tests::levels_of(*springs.stepper(Swing::Zero(), step));
-    ASSERT_EQ(levels[1], 7);
-    ASSERT_EQ(levels[0]<7, phase> 1.92);  // the bound for both springs together: 1.91
-    const double expected = tests::growth_of([&](const Swing& s) { return theory(s, step, 1 << (7 - levels[0])); });
-    const double growth = tests::measured_growth(springs, step);
+  // Through half the period of the stiff spring, and multiples.
+  tests::sweep_growth(Interface::accumulate, theory, {0.5, 8.0, 0.05}, [&](const tests::Growth& growth) {
+    ASSERT_EQ(growth.fine_steps > 1, growth.phase > 1.92);  // the bound for both springs together: 1.91
     // Swings of 1e-7 m are rounded to 1e-16 m, and bend the springs by 1e-6 of themselves.
-    EXPECT_NEAR(growth, expected, 1e-6);
-    worst = std::max(worst, growth);
-  }
+    EXPECT_NEAR(growth.measured, growth.expected, 1e-6);
+    worst = std::max(worst, growth.measured);
+  });
   EXPECT_GT(worst, 1e-3);  // weakly unstable
   EXPECT_LT(worst, 0.01);  // nowhere a band
 }
@@ -54,8 +47,7 @@ TEST(Accumulate, ADampingRatioOfTwoHundredthsStopsTheGrowthOnTwoSprings) {
   TwoSprings springs(Interface::accumulate);
   springs.damp(0.02);
   for (double phase = 0.5; phase < 5.6; phase += 0.1) {
-    EXPECT_LT(tests::measured_growth(springs, phase / TwoSprings::stiff_frequency()), -1e-4)
-        << "phase per coarse step " << phase;
+    EXPECT_LT(tests::measured_growth(springs, TwoSprings::step_of(phase)), -1e-4) << "phase per coarse step " << phase;
   }
 }
 

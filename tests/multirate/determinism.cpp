@@ -1,7 +1,7 @@
 // The same bits whatever the threads, the skin, the order of the balls, the pieces of a run and its restarts.
 #include "multirate/stepper.hpp"
 
-#include "tests/support/packing.hpp"
+#include "tests/support/silo_runs.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,6 +13,8 @@ namespace {
 using core::State;
 using core::StepperSetup;
 using tests::expect_same_bits;
+using tests::resumed;
+using tests::to_checkpoint;
 
 constexpr double kStep = 3.2e-4;  // the bulk's stability bound
 
@@ -112,14 +114,6 @@ TEST(Determinism, PiecesOfARunDoNotMatter) {
   EXPECT_EQ(expected.level, stepper->state().level);
 }
 
-/// What continues from a checkpoint.
-std::unique_ptr<core::Stepper> resumed(const core::Stepper& from, StepperSetup setup) {
-  setup.ledger = from.ledger();
-  setup.costs = from.costs();
-  setup.steps_done = from.steps_done();
-  return make_multirate_stepper(from.state(), setup);
-}
-
 void expect_same_run(const core::Stepper& a, const core::Stepper& b) {
   expect_same_bits(a.state(), b.state());
   EXPECT_EQ(a.state().level, b.state().level);
@@ -137,12 +131,6 @@ void expect_same_run(const core::Stepper& a, const core::Stepper& b) {
   EXPECT_EQ(x.discharged, y.discharged);
   EXPECT_EQ(a.costs().events, b.costs().events);
   EXPECT_EQ(a.costs().ball_updates, b.costs().ball_updates);
-}
-
-/// Goes on to a time at which a checkpoint may be taken.
-void to_checkpoint(core::Stepper& stepper) {
-  for (int k = 0; k < 2 * tests::renew_every(stepper) && !stepper.is_checkpointable(); ++k) stepper.advance(1);
-  ASSERT_TRUE(stepper.is_checkpointable());
 }
 
 TEST(Restart, ContinuesBitwise) {

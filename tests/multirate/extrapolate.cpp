@@ -1,7 +1,5 @@
 // Strategy extrapolate: what its head claims, good and bad.
-#include "tests/support/order.hpp"
-#include "tests/support/spinning_cloud.hpp"
-#include "tests/support/two_springs.hpp"
+#include "tests/support/strategies.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,13 +9,6 @@ namespace {
 using core::Interface;
 using tests::Swing;
 using tests::TwoSprings;
-
-core::StepperSetup silo_setup(double step, bool events) {
-  core::StepperSetup setup = tests::silo_setup(core::Method::multirate, step, true);
-  setup.stepping.interface = Interface::extrapolate;
-  setup.stepping.events = events;
-  return setup;
-}
 
 /// The first coarse step of `step` [s] after a renewal, n fine ones for the light ball, half as many for the soft spring.
 Swing theory(Swing s, double step, int n) {
@@ -50,33 +41,22 @@ Swing theory(Swing s, double step, int n) {
 }
 
 TEST(Extrapolate, GrowsOnTwoSpringsAsTheorySays) {
-  TwoSprings springs(Interface::extrapolate);
   double worst = 0.0;
-  for (double phase = 0.5; phase < 8.0; phase += 0.02) {
-    SCOPED_TRACE(testing::Message() << "phase per coarse step " << phase);
-    const double step = phase / TwoSprings::stiff_frequency();
-    const std::vector<int> levels = tests::levels_of(*springs.stepper(Swing::Zero(), step));
-    ASSERT_EQ(levels[1], 7);
-    const int n = 1 << (7 - levels[0]);
-    const double expected = tests::growth_of([&](const Swing& s) { return theory(s, step, n); });
+  tests::sweep_growth(Interface::extrapolate, theory, {0.5, 8.0, 0.02}, [&](const tests::Growth& growth) {
     // Swings of 1e-7 m are rounded to 1e-16 m, and bend the springs by 1e-6 of themselves; where two eigenvalues
     // meet, growth goes with the root of that.
-    EXPECT_NEAR(tests::measured_growth(springs, step), expected, expected > 1e-2 ? 1e-5 : 2e-3);
-    worst = std::max(worst, expected);
-    if (n > 1) {
-      EXPECT_GT(expected, 0.0) << "stable";
+    EXPECT_NEAR(growth.measured, growth.expected, growth.expected > 1e-2 ? 1e-5 : 2e-3);
+    worst = std::max(worst, growth.expected);
+    if (growth.fine_steps > 1) {
+      EXPECT_GT(growth.expected, 0.0) << "stable";
     }
-  }
+  });
   EXPECT_GT(worst, 0.1);  // a hundred times accumulate's
 }
 
 TEST(Extrapolate, NeedsMoreDampingThanAccumulate) {
   for (const double ratio : {0.02, 0.1, 0.3}) {
-    TwoSprings springs(Interface::extrapolate);
-    springs.damp(ratio);
-    double worst = -1.0;
-    for (double phase = 2.2; phase < 5.6; phase += 0.05)
-      worst = std::max(worst, tests::measured_growth(springs, phase / TwoSprings::stiff_frequency()));
+    const double worst = tests::worst_growth(Interface::extrapolate, ratio);
     EXPECT_EQ(worst > 1e-2, ratio < 0.05) << "damping ratio " << ratio << ", growth " << worst;
     if (ratio > 0.05) {
       EXPECT_LT(worst, -1e-3);
@@ -87,35 +67,24 @@ TEST(Extrapolate, NeedsMoreDampingThanAccumulate) {
 TEST(Extrapolate, IsOfOrderTwo) {
   for (const bool is_damped : {false, true}) {
     SCOPED_TRACE(is_damped ? "with dashpots" : "without dashpots");
-    tests::Cage cage;
-    cage.setup.stepping.interface = Interface::extrapolate;
-    cage.setup.stepping.events = false;
-    if (!is_damped) cage.setup.materials.wall.c = cage.setup.materials.ball.c = 0.0;
+    tests::Cage cage = tests::cage_of(Interface::extrapolate, is_damped);
     cage.tolerance *= 5.5;  // keeps the split: walls at one level, all contacts among balls at the coarsest
     const tests::CageErrors errors = tests::cage_errors(cage, {2, 3, 3, 3});
     // Errors are C h2 + O(h3). Those of the resting ball and of the energy, a thousandth of the circling ball's, come from
     // terms of both signs that cancel in part: steps of this size do not show their order to a tenth.
-    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.circling), 2.0, 0.1);
-    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.resting), 2.0, 0.5);
+    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.circling()), 2.0, 0.1);
+    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.resting()), 2.0, 0.5);
     EXPECT_NEAR(tests::fitted_order(errors.steps, errors.energy), 2.0, 0.5);
-    EXPECT_GT(errors.resting.back(), 1e-13);  // far above rounding
+    EXPECT_GT(errors.resting().back(), 1e-13);  // far above rounding
   }
 }
 
 TEST(Extrapolate, KeepsLinearMomentumExactlyInAFlowingSilo) {
   for (const bool events : {false, true}) {
-    const core::StepperSetup setup = silo_setup(3.2e-4, events);
-    const auto stepper = make_multirate_stepper(tests::flowing_silo(), setup);
-    const core::Energies before = stepper->energies();
-    for (int k = 0; k < 200; ++k) {
-      stepper->advance(1 + k % 3);
-      ASSERT_LE(core::momentum_residual(before, stepper->energies(), stepper->ledger()), 1e-12)
-          << "step " << stepper->steps_done();
-    }
-    EXPECT_GT(stepper->ledger().discharged, 3);
-    EXPECT_EQ(stepper->costs().missed_contacts, 0U);
-    const core::LevelStatistics levels = stepper->level_statistics();
-    EXPECT_GT(std::count_if(levels.contacts.begin(), levels.contacts.end(), [](double n) { return n > 1.0; }), 4);
+    const auto stepper =
+        make_multirate_stepper(tests::flowing_silo(), tests::silo_setup(Interface::extrapolate, 3.2e-4, events));
+    tests::expect_exact_momentum(*stepper, 200);
+    tests::expect_many_levels(*stepper);
     EXPECT_EQ(stepper->costs().events > 0, events);
   }
 }
@@ -127,16 +96,8 @@ TEST(Extrapolate, KeepsAngularMomentumToTheErrorOfTheScheme) {
 }
 
 TEST(Extrapolate, OnOneLevelEqualsUniformBitwise) {
-  for (const bool events : {false, true}) {
-    core::StepperSetup one = silo_setup(1e-4, events), uniform = one;
-    one.stepping.levels = 1;
-    uniform.stepping.method = core::Method::uniform;
-    const auto a = make_multirate_stepper(tests::flowing_silo(), one);
-    const auto b = core::make_uniform_stepper(tests::flowing_silo(), uniform);
-    a->advance(400);
-    b->advance(400);
-    tests::expect_same_bits(a->state(), b->state());
-  }
+  for (const bool events : {false, true})
+    tests::expect_one_level_is_uniform(tests::silo_setup(Interface::extrapolate, 1e-4, events));
 }
 
 /// rms distance [m] of the balls of two states.
@@ -149,16 +110,15 @@ double distance(const core::State& a, const core::State& b) {
 TEST(Extrapolate, EvaluatesLessThanAccumulateAtTheSameError) {
   constexpr double kStep = 1.6e-4;
   constexpr int kSteps = 200;
-  core::StepperSetup fine = silo_setup(2e-6, true);
+  core::StepperSetup fine = tests::silo_setup(Interface::extrapolate, 2e-6, true);
   fine.stepping.method = core::Method::uniform;
   const auto reference = core::make_uniform_stepper(tests::flowing_silo(), fine);
   reference->advance(kSteps * 80);
   double error[3];
   std::uint64_t evaluations[3];
   for (const int k : {0, 1, 2}) {  // accumulate, extrapolate, and the latter without events
-    core::StepperSetup setup = silo_setup(kStep, k < 2);
-    if (k == 0) setup.stepping.interface = Interface::accumulate;
-    const auto stepper = make_multirate_stepper(tests::flowing_silo(), setup);
+    const Interface interface = k == 0 ? Interface::accumulate : Interface::extrapolate;
+    const auto stepper = make_multirate_stepper(tests::flowing_silo(), tests::silo_setup(interface, kStep, k < 2));
     stepper->advance(kSteps);
     error[k] = distance(stepper->state(), reference->state());
     evaluations[k] = stepper->costs().contact_evaluations;
@@ -170,18 +130,7 @@ TEST(Extrapolate, EvaluatesLessThanAccumulateAtTheSameError) {
 }
 
 TEST(Extrapolate, RestartsBitwise) {
-  const core::StepperSetup setup = silo_setup(3.2e-4, true);
-  const auto whole = make_multirate_stepper(tests::flowing_silo(), setup),
-             first = make_multirate_stepper(tests::flowing_silo(), setup);
-  first->advance(60);
-  while (!first->is_checkpointable()) first->advance(1);
-  core::StepperSetup rest = setup;
-  rest.ledger = first->ledger();
-  rest.steps_done = first->steps_done();
-  const auto second = make_multirate_stepper(first->state(), rest);
-  second->advance(60);
-  whole->advance(second->steps_done());
-  tests::expect_same_bits(whole->state(), second->state());
+  tests::expect_restarts_bitwise(tests::silo_setup(Interface::extrapolate, 3.2e-4, true));
 }
 
 }  // namespace

@@ -1,7 +1,5 @@
 // Strategy frozen, the bad example: every ball alone is sound, momentum is not.
-#include "tests/support/order.hpp"
-#include "tests/support/spinning_cloud.hpp"
-#include "tests/support/two_springs.hpp"
+#include "tests/support/strategies.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,13 +9,6 @@ namespace {
 using core::Interface;
 using tests::Swing;
 using tests::TwoSprings;
-
-core::StepperSetup silo_setup(double step) {
-  core::StepperSetup setup = tests::silo_setup(core::Method::multirate, step, true);
-  setup.stepping.interface = Interface::frozen;
-  setup.stepping.events = false;
-  return setup;
-}
 
 /// The flowing silo, and later on.
 const std::vector<core::State>& starts() {
@@ -35,8 +26,7 @@ const std::vector<core::State>& starts() {
 
 /// Momentum residual of 0.08 s of a flowing silo, rms over starts; finest step 1e-5 s.
 double defect(Interface interface, int levels) {
-  core::StepperSetup setup = silo_setup(std::ldexp(1e-5, levels - 1));
-  setup.stepping.interface = interface;
+  core::StepperSetup setup = tests::silo_setup(interface, std::ldexp(1e-5, levels - 1), false);
   setup.stepping.levels = levels;
   setup.stepping.limiter = levels;
   setup.stepping.tolerance = 1e-5;  // a good part of the contacts at level 0
@@ -71,16 +61,12 @@ TEST(Frozen, LosesAngularMomentum) {
 
 TEST(Frozen, IsOfOrderTwoWhileContactsStayClosed) {
   for (const bool is_damped : {false, true}) {
-    tests::Cage cage;
-    cage.setup.stepping.interface = Interface::frozen;
-    cage.setup.stepping.events = false;
-    if (!is_damped) cage.setup.materials.wall.c = cage.setup.materials.ball.c = 0.0;
-    const tests::CageErrors errors = tests::cage_errors(cage, {0, 2, 3, 3});
+    const tests::CageErrors errors = tests::cage_errors(tests::cage_of(Interface::frozen, is_damped), {0, 2, 3, 3});
     // Errors are C h2 + O(h3).
-    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.circling), 2.0, 0.1);
-    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.resting), 2.0, 0.1);
+    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.circling()), 2.0, 0.1);
+    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.resting()), 2.0, 0.1);
     EXPECT_NEAR(tests::fitted_order(errors.steps, errors.energy), 2.0, 0.1);
-    EXPECT_GT(errors.resting.back(), 1e-13);  // far above rounding
+    EXPECT_GT(errors.resting().back(), 1e-13);  // far above rounding
   }
 }
 
@@ -102,31 +88,17 @@ Swing theory(Swing s, double step, int n) {
 }
 
 TEST(Frozen, GrowsOnTwoSpringsAsTheorySays) {
-  TwoSprings springs(Interface::frozen);
   double worst = 0.0;
-  for (double phase = 0.5; phase < 8.0; phase += 0.1) {
-    SCOPED_TRACE(testing::Message() << "phase per coarse step " << phase);
-    const double step = phase / TwoSprings::stiff_frequency();
-    const std::vector<int> levels = tests::levels_of(*springs.stepper(Swing::Zero(), step));
-    ASSERT_EQ(levels[1], 7);
-    const double expected = tests::growth_of([&](const Swing& s) { return theory(s, step, 1 << (7 - levels[0])); });
-    const double growth = tests::measured_growth(springs, step);
+  tests::sweep_growth(Interface::frozen, theory, {0.5, 8.0, 0.1}, [&](const tests::Growth& growth) {
     // Swings of 1e-7 m are rounded to 1e-16 m, and bend the springs by 1e-6 of themselves.
-    EXPECT_NEAR(growth, expected, 1e-6);
-    worst = std::max(worst, growth);
-  }
+    EXPECT_NEAR(growth.measured, growth.expected, 1e-6);
+    worst = std::max(worst, growth.measured);
+  });
   EXPECT_GT(worst, 1e-3);
 }
 
 TEST(Frozen, OnOneLevelEqualsUniformBitwise) {
-  core::StepperSetup one = silo_setup(1e-4), uniform = one;
-  one.stepping.levels = 1;
-  uniform.stepping.method = core::Method::uniform;
-  const auto a = make_multirate_stepper(tests::flowing_silo(), one);
-  const auto b = core::make_uniform_stepper(tests::flowing_silo(), uniform);
-  a->advance(400);
-  b->advance(400);
-  tests::expect_same_bits(a->state(), b->state());
+  tests::expect_one_level_is_uniform(tests::silo_setup(Interface::frozen, 1e-4, false));
 }
 
 }  // namespace

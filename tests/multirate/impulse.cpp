@@ -1,7 +1,5 @@
 // Strategy impulse: what its head claims, good and bad.
-#include "tests/support/order.hpp"
-#include "tests/support/spinning_cloud.hpp"
-#include "tests/support/two_springs.hpp"
+#include "tests/support/strategies.hpp"
 
 #include <gtest/gtest.h>
 
@@ -35,30 +33,23 @@ Swing theory(Swing s, double step, int n) {
 }
 
 TEST(Impulse, ResonatesOnTwoSpringsWhereTheorySays) {
-  TwoSprings springs(Interface::impulse);
   int stable = 0, bands = 0;
   bool was_in_band = false;
-  for (double phase = 0.5; phase < 7.6; phase += 0.02) {
-    SCOPED_TRACE(testing::Message() << "phase per coarse step " << phase);
-    const double step = phase / TwoSprings::stiff_frequency();
-    const std::vector<int> levels = tests::levels_of(*springs.stepper(Swing::Zero(), step));
-    ASSERT_EQ(levels[1], 7);
-    const int n = 1 << (7 - levels[0]);
-    const double expected = tests::growth_of([&](const Swing& s) { return theory(s, step, n); });
-    const double growth = tests::measured_growth(springs, step);
+  tests::sweep_growth(Interface::impulse, theory, {0.5, 7.6, 0.02}, [&](const tests::Growth& growth) {
     // Swings of 1e-7 m are rounded to 1e-16 m, and bend the springs by 1e-6 of themselves; at the edge of a band, where two
     // eigenvalues meet, growth goes with the root of that.
-    EXPECT_NEAR(growth, expected, expected > 1e-2 ? 1e-5 : 2e-3);
-    const bool is_in_band = expected > 1e-2;
+    EXPECT_NEAR(growth.measured, growth.expected, growth.expected > 1e-2 ? 1e-5 : 2e-3);
+    const bool is_in_band = growth.expected > 1e-2;
     bands += is_in_band && !was_in_band;
     was_in_band = is_in_band;
     stable += !is_in_band;
-    if (!is_in_band) continue;
+    if (!is_in_band) return;
     // Half a period of the stiff spring as its fine steps have it, or a multiple, less what the soft spring and the heavy
     // ball's own swing add to the phase: 0.2 half periods each at these steps.
-    const double halves = 2.0 * n * std::asin(0.5 * phase / n) / std::numbers::pi;
+    const int n = growth.fine_steps;
+    const double halves = 2.0 * n * std::asin(0.5 * growth.phase / n) / std::numbers::pi;
     EXPECT_LT(std::ceil(halves) - halves, 0.4);
-  }
+  });
   // Half the period (one fine step, and two), the whole (two, and four), three halves. With one step that is the bound of
   // both springs together.
   EXPECT_EQ(bands, 5);
@@ -68,11 +59,7 @@ TEST(Impulse, ResonatesOnTwoSpringsWhereTheorySays) {
 TEST(Impulse, DampingClosesTheBandsLate) {
   // A damping ratio of 0.1 is not enough where accumulate needs 0.02; 0.3 is.
   for (const double ratio : {0.02, 0.1, 0.3}) {
-    TwoSprings springs(Interface::impulse);
-    springs.damp(ratio);
-    double worst = -1.0;
-    for (double phase = 2.2; phase < 5.6; phase += 0.05)
-      worst = std::max(worst, tests::measured_growth(springs, phase / TwoSprings::stiff_frequency()));
+    const double worst = tests::worst_growth(Interface::impulse, ratio);
     EXPECT_EQ(worst > 1e-2, ratio < 0.2) << "damping ratio " << ratio << ", growth " << worst;
   }
 }
@@ -115,20 +102,9 @@ TEST(Impulse, HeatsBallsThatRestAtAStiffWall) {
 }
 
 TEST(Impulse, KeepsLinearMomentumExactlyInAFlowingSilo) {
-  core::StepperSetup setup = tests::silo_setup(core::Method::multirate, 3.2e-4, true);
-  setup.stepping.interface = Interface::impulse;
-  setup.stepping.events = false;
-  const auto stepper = make_multirate_stepper(tests::flowing_silo(), setup);
-  const core::Energies before = stepper->energies();
-  for (int k = 0; k < 200; ++k) {
-    stepper->advance(1 + k % 3);
-    ASSERT_LE(core::momentum_residual(before, stepper->energies(), stepper->ledger()), 1e-12)
-        << "step " << stepper->steps_done();
-  }
-  EXPECT_GT(stepper->ledger().discharged, 3);
-  EXPECT_EQ(stepper->costs().missed_contacts, 0U);
-  const core::LevelStatistics levels = stepper->level_statistics();
-  EXPECT_GT(std::count_if(levels.contacts.begin(), levels.contacts.end(), [](double n) { return n > 1.0; }), 4);
+  const auto stepper = make_multirate_stepper(tests::flowing_silo(), tests::silo_setup(Interface::impulse, 3.2e-4, false));
+  tests::expect_exact_momentum(*stepper, 200);
+  tests::expect_many_levels(*stepper);
 }
 
 TEST(Impulse, KeepsAngularMomentumExactly) {
@@ -139,20 +115,17 @@ TEST(Impulse, KeepsAngularMomentumExactly) {
 TEST(Impulse, IsOfOrderTwoWithoutDashpotsAndOneWithThem) {
   for (const bool is_damped : {false, true}) {
     SCOPED_TRACE(is_damped ? "with dashpots" : "without dashpots");
-    tests::Cage cage;
-    cage.setup.stepping.interface = Interface::impulse;
-    cage.setup.stepping.events = false;
-    if (!is_damped) cage.setup.materials.wall.c = cage.setup.materials.ball.c = 0.0;
+    tests::Cage cage = tests::cage_of(Interface::impulse, is_damped);
     cage.tolerance *= 5.5;  // keeps the split: walls at one level, all contacts among balls at the coarsest
     const tests::CageErrors errors = tests::cage_errors(cage, {2, 3, 3, 3});
     // Errors are C h^p + O(h^(p+1)). With dashpots both terms of the circling ball's are of a size at the largest step.
     const double order = is_damped ? 1.0 : 2.0;
-    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.resting), order, 0.1);
-    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.circling), order, is_damped ? 0.5 : 0.1);
+    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.resting()), order, 0.1);
+    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.circling()), order, is_damped ? 0.5 : 0.1);
     if (!is_damped) {
       EXPECT_NEAR(tests::fitted_order(errors.steps, errors.energy), 2.0, 0.1);
     }
-    EXPECT_GT(errors.resting.back(), 1e-13);  // far above rounding
+    EXPECT_GT(errors.resting().back(), 1e-13);  // far above rounding
   }
 }
 
@@ -174,22 +147,7 @@ TEST(Impulse, OnOneLevelIsTheLaggedScheme) {
   for (std::size_t i = 0; i < x.size(); ++i) ASSERT_LE((x.position[i] - y.position[i]).norm(), 1e-13) << "ball " << x.id[i];
 }
 
-TEST(Impulse, RestartsBitwise) {
-  core::StepperSetup setup = tests::silo_setup(core::Method::multirate, 3.2e-4, true);
-  setup.stepping.interface = Interface::impulse;
-  setup.stepping.events = false;
-  const auto whole = make_multirate_stepper(tests::flowing_silo(), setup),
-             first = make_multirate_stepper(tests::flowing_silo(), setup);
-  first->advance(60);
-  while (!first->is_checkpointable()) first->advance(1);
-  core::StepperSetup rest = setup;
-  rest.ledger = first->ledger();
-  rest.steps_done = first->steps_done();
-  const auto second = make_multirate_stepper(first->state(), rest);
-  second->advance(60);
-  whole->advance(second->steps_done());
-  tests::expect_same_bits(whole->state(), second->state());
-}
+TEST(Impulse, RestartsBitwise) { tests::expect_restarts_bitwise(tests::silo_setup(Interface::impulse, 3.2e-4, false)); }
 
 }  // namespace
 }  // namespace grainclock::multirate

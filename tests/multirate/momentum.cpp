@@ -1,7 +1,7 @@
 // Momentum, accumulators included, is exact to rounding: a property of any set of balls, levels and level changes.
 #include "multirate/stepper.hpp"
 
-#include "tests/support/packing.hpp"
+#include "tests/support/silo_runs.hpp"
 
 #include <gtest/gtest.h>
 
@@ -120,14 +120,7 @@ TEST(Momentum, OfAFlowingSiloIsExactWhileBallsLeave) {
     core::StepperSetup setup = tests::silo_setup(core::Method::multirate, 3.2e-4, true);
     setup.stepping.events = events;
     const auto stepper = make_multirate_stepper(tests::flowing_silo(), setup);
-    const core::Energies before = stepper->energies();
-    for (int k = 0; k < 300; ++k) {
-      stepper->advance(1 + k % 3);
-      ASSERT_LE(core::momentum_residual(before, stepper->energies(), stepper->ledger()), 1e-12)
-          << "step " << stepper->steps_done();
-    }
-    EXPECT_GT(stepper->ledger().discharged, 3);
-    EXPECT_EQ(stepper->costs().missed_contacts, 0U);
+    tests::expect_exact_momentum(*stepper, 300);
   }
 }
 

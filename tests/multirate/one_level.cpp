@@ -28,14 +28,14 @@ Runs runs(const core::State& start, bool open, const std::function<void(core::St
   return {core::make_uniform_stepper(start, uniform), make_multirate_stepper(start, one)};
 }
 
-void expect_equal_runs(Runs both, int pieces, int steps) {
+/// Goes on with both and expects the same bits after each piece, of so many steps.
+void expect_equal_runs(const Runs& both, int pieces, int steps) {
   for (int k = 0; k < pieces && !testing::Test::HasFailure(); ++k) {
     both.uniform->advance(steps);
     both.one_level->advance(steps);
     SCOPED_TRACE(testing::Message() << "after " << both.uniform->steps_done() << " steps");
     tests::expect_same_bits(both.uniform->state(), both.one_level->state());
   }
-  EXPECT_EQ(both.one_level->costs().missed_contacts, 0U);
 }
 
 /// The runs do what could tear them apart: lists are rebuilt, contacts open and close, balls leave.
@@ -48,14 +48,9 @@ void expect_busy(const Runs& both, bool balls_leave) {
 }
 
 TEST(OneLevel, FlowingSiloEqualsUniformBitwise) {
-  Runs both = runs(tests::flowing_silo(), true, [](core::StepperSetup&) {});
+  const Runs both = runs(tests::flowing_silo(), true, [](core::StepperSetup&) {});
   const core::Costs &a = both.uniform->costs(), &b = both.one_level->costs();
-  for (int k = 0; k < 60 && !HasFailure(); ++k) {
-    both.uniform->advance(37);  // ends between renewals, too
-    both.one_level->advance(37);
-    SCOPED_TRACE(testing::Message() << "after " << both.uniform->steps_done() << " steps");
-    tests::expect_same_bits(both.uniform->state(), both.one_level->state());
-  }
+  expect_equal_runs(both, 60, 37);  // ends between renewals, too
   expect_busy(both, true);
   EXPECT_EQ(both.one_level->costs().missed_contacts, 0U);
   EXPECT_GT(both.uniform->costs().events, a.events + 100);
@@ -63,13 +58,8 @@ TEST(OneLevel, FlowingSiloEqualsUniformBitwise) {
 }
 
 TEST(OneLevel, WithoutEventsEqualsUniformBitwise) {
-  Runs both = runs(tests::flowing_silo(), true, [](core::StepperSetup& setup) { setup.stepping.events = false; });
-  for (int k = 0; k < 50 && !HasFailure(); ++k) {
-    both.uniform->advance(41);
-    both.one_level->advance(41);
-    SCOPED_TRACE(testing::Message() << "after " << both.uniform->steps_done() << " steps");
-    tests::expect_same_bits(both.uniform->state(), both.one_level->state());
-  }
+  const Runs both = runs(tests::flowing_silo(), true, [](core::StepperSetup& setup) { setup.stepping.events = false; });
+  expect_equal_runs(both, 50, 41);
   expect_busy(both, true);
   EXPECT_EQ(both.one_level->costs().events, 0U);
 }
@@ -79,28 +69,24 @@ TEST(OneLevel, EqualsUniformBitwiseWithEveryTermOfTheLaw) {
     for (const double cohesion : {0.0, 2e4})
       for (const bool events : {false, true}) {
         SCOPED_TRACE(testing::Message() << "tension " << tension << ", cohesion " << cohesion << ", events " << events);
-        expect_equal_runs(runs(tests::flowing_silo(), true,
-                               [&](core::StepperSetup& setup) {
-                                 setup.materials.tension = tension;
-                                 setup.materials.cohesion = cohesion;
-                                 setup.stepping.events = events;
-                               }),
-                          15, 21);
+        const Runs both = runs(tests::flowing_silo(), true, [&](core::StepperSetup& setup) {
+          setup.materials.tension = tension;
+          setup.materials.cohesion = cohesion;
+          setup.stepping.events = events;
+        });
+        expect_equal_runs(both, 15, 21);
+        EXPECT_EQ(both.one_level->costs().missed_contacts, 0U);
       }
 }
 
 TEST(OneLevel, ColumnAtRestEqualsUniformBitwise) {
-  Runs both = runs(tests::resting_silo(), false, [](core::StepperSetup&) {});
-  for (int k = 0; k < 20 && !HasFailure(); ++k) {
-    both.uniform->advance(50);
-    both.one_level->advance(50);
-    tests::expect_same_bits(both.uniform->state(), both.one_level->state());
-  }
+  const Runs both = runs(tests::resting_silo(), false, [](core::StepperSetup&) {});
+  expect_equal_runs(both, 20, 50);
   EXPECT_EQ(both.one_level->costs().missed_contacts, 0U);
 }
 
 TEST(OneLevel, BooksTheSameLedger) {
-  Runs both = runs(tests::flowing_silo(), true, [](core::StepperSetup&) {});
+  const Runs both = runs(tests::flowing_silo(), true, [](core::StepperSetup&) {});
   both.uniform->advance(800);
   both.one_level->advance(800);
   const core::Ledger &a = both.uniform->ledger(), &b = both.one_level->ledger();

@@ -14,47 +14,20 @@ namespace {
 using core::Kind;
 using core::State;
 using core::Vec3;
-using tests::Cage;
 using tests::kUnitMass;
 using tests::levels_of;
 
 constexpr double kRadius = tests::kUnitRadius;  // m
 
 TEST(Order, IsTwoWithAFixedSplitOfLevels) {
-  Cage cage;
-  core::StepperSetup fine = cage.setup;
-  fine.stepping.method = core::Method::uniform;
-  fine.stepping.step = Cage::kCoarsest / 512.0;  // error below a thousandth of the finest one measured
-  const auto reference = core::make_uniform_stepper(cage.start, fine);
-  reference->advance(48 * 512);
-  const State truth = reference->state();
-
-  std::vector<double> steps, energy;
-  std::vector<std::vector<double>> position(1 + Cage::kColumn), velocity(1 + Cage::kColumn);
-  for (const int division : {1, 2, 4, 8}) {
-    cage.divide(division);
-    const auto stepper = make_multirate_stepper(cage.start, cage.setup);
-    const core::Energies before = stepper->energies();
-    for (int k = 0; k < 48 * division; ++k) {
-      ASSERT_EQ(levels_of(*stepper), (std::vector<int>{0, 2, 3, 3})) << "coarse step " << k;
-      ASSERT_EQ(stepper->contacts().size(), 6U + Cage::kColumn);
-      stepper->advance(1);
-    }
-    steps.push_back(*cage.setup.stepping.step);
-    energy.push_back(core::energy_residual(before, stepper->energies(), stepper->ledger()));
-    const State end = stepper->state();
-    for (std::size_t b = 0; b < position.size(); ++b) {
-      position[b].push_back((end.position[b] - truth.position[b]).norm());
-      velocity[b].push_back((end.velocity[b] - truth.velocity[b]).norm());
-    }
-  }
+  const tests::CageErrors errors = tests::cage_errors(tests::Cage(), {0, 2, 3, 3});
   // Errors are C h2 + O(h3); h times the fastest frequency is 0.4 at most at the coarsest level.
-  for (std::size_t b = 0; b < position.size(); ++b) {
-    EXPECT_NEAR(tests::fitted_order(steps, position[b]), 2.0, 0.1) << "position of ball " << b;
-    EXPECT_NEAR(tests::fitted_order(steps, velocity[b]), 2.0, 0.1) << "velocity of ball " << b;
-    EXPECT_GT(position[b].back(), 1e-13);  // far above rounding
+  for (std::size_t b = 0; b < tests::CageErrors::kBalls; ++b) {
+    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.position[b]), 2.0, 0.1) << "position of ball " << b;
+    EXPECT_NEAR(tests::fitted_order(errors.steps, errors.velocity[b]), 2.0, 0.1) << "velocity of ball " << b;
+    EXPECT_GT(errors.position[b].back(), 1e-13);  // far above rounding
   }
-  EXPECT_NEAR(tests::fitted_order(steps, energy), 2.0, 0.1) << "energy residual";
+  EXPECT_NEAR(tests::fitted_order(errors.steps, errors.energy), 2.0, 0.1) << "energy residual";
 }
 
 /// Balls in line between two stiff walls, linear springs throughout, thrown about at random.

@@ -49,6 +49,8 @@ struct TwoSprings {
   }
   /// Circular frequency of the light ball on the stiff spring [1/s].
   static double stiff_frequency() { return std::sqrt(kStiff); }
+  /// Time [s] in which the stiff spring passes through this phase [rad].
+  static double step_of(double phase) { return phase / stiff_frequency(); }
   static double stiff_force(const Swing& s) { return -kStiff * s[0]; }
   static double soft_force(const Swing& s) { return kSoft * (s[2] - s[0]); }  // on the light ball
 
