@@ -10,6 +10,7 @@ namespace grainclock::benchmarks {
 namespace {
 
 namespace fs = std::filesystem;
+using tests::replaced;
 using namespace std::chrono_literals;
 
 /// A job that takes minutes, for tests that end it.
@@ -73,9 +74,7 @@ TEST_F(StudyResume, JobsThatAreDoneAreNotRunAgain) {
 TEST_F(StudyResume, EditingOneMethodRunsOnlyThat) {
   run(kHead + kMethods);
   const auto before = done();
-  std::string edited = kMethods;
-  edited.replace(edited.find("1e-4"), 4, "2e-4");
-  const auto rows = run(kHead + edited);
+  const auto rows = run(kHead + replaced(kMethods, "1e-4", "2e-4"));
   EXPECT_EQ(renewed(before, done()), 1u);
   EXPECT_EQ(done().size(), 6u);  // the old one may be wanted again
   ASSERT_EQ(rows.size(), 5u);
@@ -87,9 +86,7 @@ TEST_F(StudyResume, EditingOneMethodRunsOnlyThat) {
 TEST_F(StudyResume, ANameOrACommentRunsNothing) {
   run(kHead + kMethods);
   const auto before = done();
-  std::string edited = kMethods;
-  edited.replace(edited.find("ours"), 4, "mine");
-  const auto rows = run("# once more\n" + kHead + edited);
+  const auto rows = run("# once more\n" + kHead + replaced(kMethods, "ours", "mine"));
   EXPECT_EQ(renewed(before, done()), 0u);
   EXPECT_EQ(rows.at(2).at("name"), "mine");
   EXPECT_NE(core::read_text(out_ / "study.toml").find("# once more"), std::string::npos);
@@ -108,18 +105,14 @@ TEST_F(StudyResume, SceneStartAndHorizonRunEverything) {
   run(kHead + kMethods);
   EXPECT_EQ(renewed(before, done()), 5u);
   before = done();
-  std::string head = kHead;
-  head.replace(head.find("0.02"), 4, "0.01");
-  run(head + kMethods);
+  run(replaced(kHead, "0.02", "0.01") + kMethods);
   EXPECT_EQ(renewed(before, done()), 5u);
 }
 
 TEST_F(StudyResume, MoreRepetitionsAddJobs) {
   run(kHead + kMethods);
   const auto before = done();
-  std::string head = kHead;
-  head.replace(head.find("repeat = 1"), 10, "repeat = 3");
-  run(head + kMethods);
+  run(replaced(kHead, "repeat = 1", "repeat = 3") + kMethods);
   EXPECT_EQ(renewed(before, done()), 6u);  // two more of each of three points
 }
 
@@ -193,9 +186,7 @@ TEST_F(StudyResume, AJobThatDiesEndsTheStudyWithItsMessage) {
 }
 
 TEST_F(StudyResume, AReferenceThatFailsEndsTheStudyWithItsCode) {
-  std::string head = kHead;
-  head.replace(head.find("step = 1e-6"), 11, "step = 2e-3");
-  write(head + kMethods);
+  write(replaced(kHead, "step = 1e-6", "step = 2e-3") + kMethods);
   const Result ended = grainclock();
   EXPECT_EQ(ended.code, 3);
   EXPECT_NE(ended.err.find("reference from start"), std::string::npos) << ended.err;

@@ -19,6 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 using core::Kind;
 using core::Vec3;
+using tests::replaced;
 
 constexpr const char* kSmall = R"(kind = "stability"
 systems = ["wall"]
@@ -32,12 +33,6 @@ ratios = [1, 4]
 damping_ratios = [0.0, 0.02]
 step_ratios = [0.2, 0.3, 0.9]
 )";
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return text.replace(at, from.size(), to);
-}
 
 class StabilityStudyFiles : public testing::Test {
  protected:

@@ -16,6 +16,7 @@ namespace {
 using core::Kind;
 using core::State;
 using core::Vec3;
+using tests::replaced;
 using Numbers = std::vector<double>;
 using Texts = std::vector<std::string>;
 
@@ -322,9 +323,7 @@ TEST_F(StatisticsFiles, AFailedRunIsLeftOutAndNamed) {
 }
 
 TEST_F(StatisticsFiles, OneStartHasMeansAndAWarning) {
-  std::string head = kHead;
-  head.replace(head.find("[\"a.csv\", \"b.csv\", \"c.csv\"]"), 27, "\"a.csv\"");
-  const auto kind = read(head + kMethods);
+  const auto kind = read(replaced(kHead, "[\"a.csv\", \"b.csv\", \"c.csv\"]", "\"a.csv\"") + kMethods);
   const auto tables = kind->tables(run(*kind));
   const std::size_t row = row_of(tables[1], "ours", "discharge_rate");
   EXPECT_NEAR(numbers(tables[1], "mean")[row], 10.0, kRounding * 10);
@@ -340,9 +339,7 @@ Texts ids(const StudyKind& kind) {
 
 TEST_F(StatisticsFiles, JobsAreRunAnewOnlyWhereTheirSeriesWouldChange) {
   const auto with = [&](const std::string& before, const std::string& after) {
-    std::string text = kHead + kMethods;
-    text.replace(text.find(before), before.size(), after);
-    return ids(*read(text));
+    return ids(*read(replaced(kHead + kMethods, before, after)));
   };
   const Texts before = ids(*read(kHead + kMethods));
   EXPECT_EQ(with("stop = 0.1", "stop = 0.2\nsettle = 0.1"), before);
@@ -357,8 +354,7 @@ TEST_F(StatisticsFiles, JobsAreRunAnewOnlyWhereTheirSeriesWouldChange) {
   const Texts finer = with("step = 1e-3", "step = 5e-4");
   EXPECT_NE(finer[0], before[0]);
   EXPECT_EQ(finer[1], before[1]);
-  std::string scene = tests::text_of(scene_);
-  scratch_.file("scene.toml", scene.replace(scene.find("k_wall = 1e6"), 12, "k_wall = 2e6"));
+  scratch_.file("scene.toml", replaced(tests::text_of(scene_), "k_wall = 1e6", "k_wall = 2e6"));
   EXPECT_NE(ids(*read(kHead + kMethods))[0], before[0]);
 }
 
@@ -403,8 +399,7 @@ TEST_F(StatisticsFiles, MistakesAreToldWithPlaceAndRemedy) {
       {"\"b.csv\"", "\"a.csv\"", "the same state"},
   };
   for (const Case& one : cases) {
-    std::string text = kHead + kMethods;
-    text.replace(text.find(one.before), one.before.size(), one.after);
+    const std::string text = replaced(kHead + kMethods, one.before, one.after);
     try {
       read(text);
       ADD_FAILURE() << "accepted: " << one.after;
@@ -415,8 +410,7 @@ TEST_F(StatisticsFiles, MistakesAreToldWithPlaceAndRemedy) {
 }
 
 TEST_F(StatisticsFiles, AnOpenOutletNeedsAPlaneToCountAt) {
-  std::string scene = tests::text_of(scene_);
-  scratch_.file("scene.toml", scene.replace(scene.find("outlet_z = 0.0"), 14, ""));
+  scratch_.file("scene.toml", replaced(tests::text_of(scene_), "outlet_z = 0.0", ""));
   const auto message = tests::message_of<core::InputError>([&] { read(kHead + kMethods); });
   EXPECT_NE(message.find("outlet_z"), std::string::npos) << message;
 }

@@ -7,6 +7,7 @@ namespace grainclock::benchmarks {
 namespace {
 
 namespace fs = std::filesystem;
+using tests::replaced;
 
 class StudyPlan : public StudyFiles {
  protected:
@@ -83,8 +84,7 @@ TEST_F(StudyPlan, AMethodMayRepeatMoreOrLessThanTheStudy) {
 TEST_F(StudyPlan, AReferenceIsCheckedByACoarserOne) {
   const Study fine = read(kHead + "[[method]]\n");
   EXPECT_EQ(coarser(fine.reference).stepping.step, 2e-6);
-  std::string text = kHead;
-  text.replace(text.find("step = 1e-6"), 11, "method = \"cvode\"\nrtol = 1e-9\nroots = true");
+  const std::string text = replaced(kHead, "step = 1e-6", "method = \"cvode\"\nrtol = 1e-9\nroots = true");
   const Point reference = read(text + "[[method]]\n").reference, check = coarser(reference);
   EXPECT_EQ(reference.sundials->rtol, 1e-9);
   EXPECT_DOUBLE_EQ(check.sundials->rtol, 1e-8);
@@ -122,8 +122,7 @@ TEST_F(StudyPlan, PathsAreLookedForBesideTheStudy) {
 }
 
 TEST_F(StudyPlan, SeveralStartStatesMayBeGiven) {
-  std::string text = kHead;
-  text.replace(text.find("\"start.csv\""), 11, "[\"start.csv\", \"start.csv\"]");
+  const std::string text = replaced(kHead, "\"start.csv\"", "[\"start.csv\", \"start.csv\"]");
   EXPECT_EQ(read(text + "[[method]]\n").starts.size(), 2u);
 }
 
@@ -163,9 +162,7 @@ TEST_F(StudyPlan, ErrorsNameFileLineValueAndRemedy) {
 
 TEST_F(StudyPlan, MissingFilesAreFileErrors) {
   EXPECT_THROW(read_study((dir_ / "none.toml").string()), core::FileError);
-  std::string text = kHead;
-  text.replace(text.find("start.csv"), 9, "other.csv");
-  EXPECT_THROW(read(text + "[[method]]\n"), core::FileError);
+  EXPECT_THROW(read(replaced(kHead, "start.csv", "other.csv") + "[[method]]\n"), core::FileError);
 }
 
 TEST(StudyTable, ColumnsBeginAsTheContractSays) {
@@ -177,8 +174,7 @@ TEST(StudyTable, ColumnsBeginAsTheContractSays) {
 }
 
 TEST_F(StudyRun, ErrorsFallWithTheStepAndEveryPointHasARow) {
-  std::string head = kHead;
-  head.replace(head.find("0.02"), 4, "0.011");  // balls touch the wall then
+  const std::string head = replaced(kHead, "0.02", "0.011");  // balls touch the wall then
   const auto rows = run(head + R"([[method]]
 name = "plain"
 method = "uniform"
@@ -244,9 +240,7 @@ step = [2e-3, 1e-5]
 }
 
 TEST_F(StudyRun, ACoarseReferenceIsNotAccepted) {
-  std::string text = kHead;
-  text.replace(text.find("1e-6"), 4, "2e-5");
-  const auto rows = run(text + "[[method]]\nmethod = \"uniform\"\nstep = 1e-5\n");
+  const auto rows = run(replaced(kHead, "1e-6", "2e-5") + "[[method]]\nmethod = \"uniform\"\nstep = 1e-5\n");
   EXPECT_EQ(rows[1].at("status").find("too coarse"), 0u) << rows[1].at("status");
 }
 
@@ -281,8 +275,7 @@ TEST_F(StudyRun, EveryKindHasItsReader) {
 }
 
 TEST_F(StudyRun, SundialsMayBeTheReference) {
-  std::string text = kHead;
-  text.replace(text.find("step = 1e-6"), 11, "method = \"cvode\"\nrtol = 1e-10");
+  const std::string text = replaced(kHead, "step = 1e-6", "method = \"cvode\"\nrtol = 1e-10");
   const auto rows = run(text + "[[method]]\nmethod = \"uniform\"\nstep = [2e-5, 1e-5]\n");
   ASSERT_EQ(rows.size(), 4u);
   EXPECT_EQ(rows[2].at("name"), "reference");

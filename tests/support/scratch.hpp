@@ -43,6 +43,13 @@ inline std::string text_of(const std::filesystem::path& path) {
   return text.str();
 }
 
+/// `text` with the first `from` in it made `to`; a test failure if there is none.
+inline std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return at == std::string::npos ? text : text.replace(at, from.size(), to);
+}
+
 /// The text of the error that `call` throws; a test failure if it throws none or another type.
 template <class Error, class Call>
 std::string message_of(Call call) {
