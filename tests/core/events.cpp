@@ -122,49 +122,47 @@ TEST(EventCorrection, IntegratesTheLawAlongRandomPaths) {
   EXPECT_GT(quiet, 500);
 }
 
+/// A step of kStep under a law.
+struct Case {
+  const char* what;
+  ContactLaw law;
+  Approach start, end;
+};
+constexpr ContactLaw kClamp{1e9, 2e5, 0.0, false}, kTension{1e9, 2e5, 0.0, true}, kCohesion{1e9, 2e5, 2e-5, false};
+
 TEST(EventCorrection, CoversEveryWayToChangeBranch) {
-  const ContactLaw clamp{1e9, 2e5, 0.0, false}, tension{1e9, 2e5, 0.0, true}, cohesion{1e9, 2e5, 2e-5, false};
-  struct {
-    const char* what;
-    ContactLaw law;
-    Approach start, end;
-  } const all[] = {
-      {"closes", tension, {-3e-5, 1.0}, {6e-5, 0.8}},
-      {"opens", tension, {3e-5, -1.0}, {-6e-5, -0.9}},
-      {"is clamped", clamp, {3e-4, -0.5}, {2e-4, -1.1}},
-      {"is released from the clamp", clamp, {1e-4, -1.0}, {1e-4, 1.0}},
-      {"opens and closes", tension, {2e-5, -1.0}, {2e-5, 1.0}},
-      {"closes and opens", tension, {-2e-5, 1.0}, {-2e-5, -1.0}},
-      {"closes and is clamped", clamp, {-1e-5, 1.0}, {1e-6, -0.7}},
-      {"cohesion begins", cohesion, {1e-5, -0.2}, {-1e-5, -0.2}},
-      {"cohesion ends by distance", cohesion, {-1e-5, -0.2}, {-3e-5, -0.2}},
-      {"cohesion ends by turning", cohesion, {-1e-5, -0.05}, {-1e-5, 0.05}},
-      {"cohesion begins by turning", cohesion, {-1e-5, 0.05}, {-1.1e-5, -0.06}},
-      {"all of it", cohesion, {-3e-5, 1.2}, {-3e-5, -1.2}},
+  const Case all[] = {
+      {"closes", kTension, {-3e-5, 1.0}, {6e-5, 0.8}},
+      {"opens", kTension, {3e-5, -1.0}, {-6e-5, -0.9}},
+      {"is clamped", kClamp, {3e-4, -0.5}, {2e-4, -1.1}},
+      {"is released from the clamp", kClamp, {1e-4, -1.0}, {1e-4, 1.0}},
+      {"opens and closes", kTension, {2e-5, -1.0}, {2e-5, 1.0}},
+      {"closes and opens", kTension, {-2e-5, 1.0}, {-2e-5, -1.0}},
+      {"closes and is clamped", kClamp, {-1e-5, 1.0}, {1e-6, -0.7}},
+      {"cohesion begins", kCohesion, {1e-5, -0.2}, {-1e-5, -0.2}},
+      {"cohesion ends by distance", kCohesion, {-1e-5, -0.2}, {-3e-5, -0.2}},
+      {"cohesion ends by turning", kCohesion, {-1e-5, -0.05}, {-1e-5, 0.05}},
+      {"cohesion begins by turning", kCohesion, {-1e-5, 0.05}, {-1.1e-5, -0.06}},
+      {"all of it", kCohesion, {-3e-5, 1.2}, {-3e-5, -1.2}},
   };
-  for (const auto& one : all) expect_correction(one.law, {one.start, one.end, kStep}, one.what);
+  for (const Case& one : all) expect_correction(one.law, {one.start, one.end, kStep}, one.what);
 }
 
 TEST(EventCorrection, IsNothingWithoutChangeOfBranch) {
-  const ContactLaw clamp{1e9, 2e5, 0.0, false}, tension{1e9, 2e5, 0.0, true}, cohesion{1e9, 2e5, 2e-5, false};
-  struct {
-    const char* what;
-    ContactLaw law;
-    Approach start, end;
-  } const all[] = {
-      {"apart", tension, {-3e-4, 1.0}, {-2e-4, 1.0}},
-      {"apart, turning", tension, {-3e-4, 1.0}, {-3e-4, -1.0}},
-      {"apart, beyond reach", cohesion, {-3e-4, 1.0}, {-3e-4, -1.0}},
-      {"approaching within reach", cohesion, {-1.5e-5, 0.05}, {-1e-5, 0.05}},
-      {"parting within reach", cohesion, {-1e-5, -0.05}, {-1.5e-5, -0.05}},
-      {"in touch", tension, {3e-4, 1.0}, {4e-4, 1.0}},
-      {"in touch, turning", tension, {3e-4, 1.0}, {3e-4, -1.0}},
-      {"in touch, turning, where apart it would cohere", cohesion, {3e-4, 0.1}, {3e-4, -0.1}},
-      {"pressed throughout", clamp, {3e-4, 0.3}, {3e-4, -0.3}},
-      {"clamped throughout", clamp, {3e-5, -1.0}, {1e-6, -0.3}},
-      {"clamp passed while apart", clamp, {-3e-4, 1.0}, {-1e-4, 1.0}},
+  const Case all[] = {
+      {"apart", kTension, {-3e-4, 1.0}, {-2e-4, 1.0}},
+      {"apart, turning", kTension, {-3e-4, 1.0}, {-3e-4, -1.0}},
+      {"apart, beyond reach", kCohesion, {-3e-4, 1.0}, {-3e-4, -1.0}},
+      {"approaching within reach", kCohesion, {-1.5e-5, 0.05}, {-1e-5, 0.05}},
+      {"parting within reach", kCohesion, {-1e-5, -0.05}, {-1.5e-5, -0.05}},
+      {"in touch", kTension, {3e-4, 1.0}, {4e-4, 1.0}},
+      {"in touch, turning", kTension, {3e-4, 1.0}, {3e-4, -1.0}},
+      {"in touch, turning, where apart it would cohere", kCohesion, {3e-4, 0.1}, {3e-4, -0.1}},
+      {"pressed throughout", kClamp, {3e-4, 0.3}, {3e-4, -0.3}},
+      {"clamped throughout", kClamp, {3e-5, -1.0}, {1e-6, -0.3}},
+      {"clamp passed while apart", kClamp, {-3e-4, 1.0}, {-1e-4, 1.0}},
   };
-  for (const auto& one : all) {
+  for (const Case& one : all) {
     const EventCorrection found = event_correction(one.law, one.start, one.end, kStep);
     EXPECT_FALSE(found.is_event) << one.what;
     EXPECT_EQ(found.impulse, 0.0) << one.what;

@@ -77,44 +77,41 @@ bool same(const SweepTotals& a, const SweepTotals& b) {
          a.turned == b.turned && a.overloaded == b.overloaded;
 }
 
-struct Swept {
-  std::vector<IntVec> sums;
+/// What a sweep leaves; Sum: of a ball.
+template <class Sum>
+struct SweptSums {
+  std::vector<Sum> sums;
   SweepTotals totals;
   std::vector<std::uint32_t> candidates;
-  bool operator==(const Swept& o) const {
+  bool operator==(const SweptSums& o) const {
     return same_bits(sums, o.sums) && same(totals, o.totals) && candidates == o.candidates;
   }
 };
+using Swept = SweptSums<IntVec>;
+using SweptWeighted = SweptSums<WeightedSum>;
 
-Swept sweep(const Kernels& kernel, const Rows& rows, bool fixed, bool events) {
-  Swept out;
+/// Calls `run(sums, totals, candidates)`; without events the last is null.
+template <class Sum, class Run>
+SweptSums<Sum> swept(const Rows& rows, bool fixed, bool events, Run run) {
+  SweptSums<Sum> out;
   out.sums.resize(rows.stride());
   out.candidates.resize(rows.pairs(fixed).n + kLanes);
   Candidates candidates{out.candidates.data()};
-  kernel.sweep(rows.balls.rows.data(), rows.pairs(fixed), rows.law(fixed), out.sums.data(), out.totals,
-               events ? &candidates : nullptr);
+  run(out.sums.data(), out.totals, events ? &candidates : nullptr);
   out.candidates.resize(candidates.n);
   return out;
 }
 
-struct SweptWeighted {
-  std::vector<WeightedSum> sums;
-  SweepTotals totals;
-  std::vector<std::uint32_t> candidates;
-  bool operator==(const SweptWeighted& o) const {
-    return same_bits(sums, o.sums) && same(totals, o.totals) && candidates == o.candidates;
-  }
-};
+Swept sweep(const Kernels& kernel, const Rows& rows, bool fixed, bool events) {
+  return swept<IntVec>(rows, fixed, events, [&](IntVec* sums, SweepTotals& totals, Candidates* candidates) {
+    kernel.sweep(rows.balls.rows.data(), rows.pairs(fixed), rows.law(fixed), sums, totals, candidates);
+  });
+}
 
 SweptWeighted sweep_weighted(const Kernels& kernel, const Rows& rows, bool fixed, int shift, bool events) {
-  SweptWeighted out;
-  out.sums.resize(rows.stride());
-  out.candidates.resize(rows.pairs(fixed).n + kLanes);
-  Candidates candidates{out.candidates.data()};
-  kernel.sweep_weighted(rows.balls.rows.data(), rows.pairs(fixed), rows.law(fixed), shift, out.sums.data(), out.totals,
-                        events ? &candidates : nullptr);
-  out.candidates.resize(candidates.n);
-  return out;
+  return swept<WeightedSum>(rows, fixed, events, [&](WeightedSum* sums, SweepTotals& totals, Candidates* candidates) {
+    kernel.sweep_weighted(rows.balls.rows.data(), rows.pairs(fixed), rows.law(fixed), shift, sums, totals, candidates);
+  });
 }
 
 struct Recorded {

@@ -1,16 +1,17 @@
 #include "core/snapshot.hpp"
 
 #include "core/check.hpp"
+#include "tests/support/balls.hpp"
 #include "tests/support/scratch.hpp"
 
 #include <cmath>
-#include <cstring>
 #include <limits>
 
 namespace grainclock::core {
 namespace {
 
 using tests::message_of;
+using tests::same_bits;
 using tests::Scratch;
 using tests::text_of;
 
@@ -31,11 +32,6 @@ State with_restart(State state) {
   state.level = {3, 0, 0};
   state.impacted = {1, 0, 0};
   return state;
-}
-
-template <class T>
-bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
-  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
 }
 
 void expect_same_bits(const State& a, const State& b) {
