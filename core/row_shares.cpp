@@ -1,16 +1,29 @@
 #include "core/row_shares.hpp"
 
 #include <algorithm>
+#include <ranges>
 
 namespace grainclock::core {
 
 namespace {
 
+/// Pairs that begin before `row`.
+std::size_t pairs_before(const PairList& pairs, std::uint32_t row) {
+  const auto count = static_cast<std::ptrdiff_t>(pairs.count);
+  return static_cast<std::size_t>(std::lower_bound(pairs.i.begin(), pairs.i.begin() + count, row) - pairs.i.begin());
+}
+
 /// The first whole vector of which no pair begins before `row`.
 std::size_t first_vector(const PairList& pairs, std::uint32_t row) {
-  const auto count = static_cast<std::ptrdiff_t>(pairs.count);
-  const auto at = std::lower_bound(pairs.i.begin(), pairs.i.begin() + count, row) - pairs.i.begin();
-  return (static_cast<std::size_t>(at) + kLanes - 1) / kLanes * kLanes;
+  return (pairs_before(pairs, row) + kLanes - 1) / kLanes * kLanes;
+}
+
+/// The first of `rows` before which at least `wanted` pairs begin.
+std::uint32_t row_after(const PairList& ball, const PairList& fixed, std::size_t wanted, std::uint32_t rows) {
+  const auto all = std::views::iota(std::uint32_t{0}, rows + 1);
+  return *std::ranges::lower_bound(all, wanted, {}, [&](std::uint32_t row) {
+    return pairs_before(ball, row) + pairs_before(fixed, row);
+  });
 }
 
 }  // namespace
@@ -26,16 +39,16 @@ std::uint32_t vector_reach(const PairList& pairs, bool both) {
 }
 
 void cut_shares(const PairList& ball, const PairList& fixed, std::uint32_t rows, std::span<RowShare> shares) {
-  const std::size_t groups = ball.i.size() / kLanes, parts = shares.size();
+  const std::size_t pairs = ball.count + fixed.count, parts = shares.size();
   std::uint32_t touched = 0;  // by the shares so far
   for (std::size_t t = 0; t < parts; ++t) {
     RowShare& share = shares[t];
-    const bool first = t == 0, last = t + 1 == parts;
-    share.ball = {groups * t / parts * kLanes, groups * (t + 1) / parts * kLanes};
-    share.begin = first ? 0 : shares[t - 1].end;
-    // The row that the next share's first pair begins with is the next share's, whatever of its pairs are here.
-    share.end = last ? rows : (share.ball.end < ball.count ? ball.i[share.ball.end] : rows);
-    share.fixed = {first ? 0 : shares[t - 1].fixed.end, last ? fixed.i.size() : first_vector(fixed, share.end)};
+    const RowShare before = t == 0 ? RowShare{} : shares[t - 1];
+    const bool is_last = t + 1 == parts;
+    share.begin = before.end;
+    share.end = is_last ? rows : std::max(share.begin, row_after(ball, fixed, pairs * (t + 1) / parts, rows));
+    share.ball = {before.ball.end, is_last ? ball.i.size() : first_vector(ball, share.end)};
+    share.fixed = {before.fixed.end, is_last ? fixed.i.size() : first_vector(fixed, share.end)};
     share.own = std::clamp(touched, share.begin, share.end);
     share.touched = share.end;
     for (std::size_t p = share.ball.begin; p < std::min(share.ball.end, ball.count); ++p) {

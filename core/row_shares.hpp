@@ -23,7 +23,7 @@ struct RowShare {
 /// How far the rows of any one vector of pairs lie apart at most, from its first pair's first row on.
 std::uint32_t vector_reach(const PairList& pairs, bool both);
 
-/// Cuts lists in ascending order of their first rows into shares of about the same number of pairs among balls.
+/// Cuts lists in ascending order of their first rows into shares of about the same number of pairs, of both lists together.
 void cut_shares(const PairList& ball, const PairList& fixed, std::uint32_t rows, std::span<RowShare> shares);
 
 }  // namespace grainclock::core

@@ -28,9 +28,9 @@ class Accumulate final : public InterfaceStrategy {
     kernels_.drift(rows, steps.paths.data(), which, seconds);
   }
 
-  void kick(core::BallRow* rows, BallSteps& steps, core::RowSpan which, const core::KickParameters& p) override {
-    kernels_.kick(rows, steps.paths.data(), steps.balance.data(), steps.level.data(), steps.sums.data(), steps.stride,
-                  steps.parts, which, p);
+  void kick(core::BallRow* rows, BallSteps& steps, const SummedRows& which, const core::KickParameters& p) override {
+    kernels_.kick(rows, steps.paths.data(), steps.balance.data(), steps.level.data(), steps.sums_of(which.first),
+                  steps.stride, which.parts, which.rows, p);
   }
 
   /// As far as the force goes that a ball's path takes as constant. What the last kick left holds for balls that keep

@@ -3,6 +3,7 @@
 
 #include "core/balls.hpp"
 #include "core/kernels.hpp"
+#include "multirate/summed_rows.hpp"
 #include "multirate/time_line.hpp"
 
 #include <algorithm>
@@ -20,7 +21,6 @@ struct BallSteps {
   std::vector<Level> before;            // the same before the present renewal
   std::vector<core::WeightedSum> sums;  // one array per thread, of the content and the far row
   std::size_t stride = 0;               // length of such an array
-  int parts = 1;                        // arrays in use since the last kick
 
   core::WeightedSum* sums_of(int thread) { return sums.data() + static_cast<std::size_t>(thread) * stride; }
 
@@ -34,9 +34,9 @@ struct BallSteps {
     return sum;
   }
   /// A row's sums of this tick, which it uses up.
-  core::WeightedSum take_sums(std::uint32_t row) {
+  core::WeightedSum take_sums(std::uint32_t row, const SummedRows& of) {
     core::WeightedSum sum;
-    for (int t = 0; t < parts; ++t) {
+    for (int t = of.first; t < of.first + of.parts; ++t) {
       core::WeightedSum& part = sums_of(t)[row];
       for (int k = 0; k < 3; ++k) {
         sum.force.v[k] += part.force.v[k];
@@ -46,10 +46,7 @@ struct BallSteps {
     }
     return sum;
   }
-  void clear_sums() {
-    std::fill(sums.begin(), sums.end(), core::WeightedSum{});
-    parts = 1;
-  }
+  void clear_sums() { std::fill(sums.begin(), sums.end(), core::WeightedSum{}); }
   /// Follows a new order of the rows; clears the sums.
   void follow_order(std::span<const std::uint32_t> order, std::vector<core::BallRow>& spare, int threads) {
     core::reorder_like(paths, order, spare, threads);

@@ -3,36 +3,27 @@
 #include "core/share_work.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <utility>
 
 namespace grainclock::multirate {
 
-namespace {
+std::uint32_t* ChangedPairs::room_for(std::size_t n) {
+  if (which_.size() < n + 1) which_.resize(n + 1);
+  return which_.data();
+}
 
-/// Lowers a level that several threads may lower at once.
-void lower(Level& level, Level to) {
-  std::atomic_ref<Level> shared(level);
-  Level now = shared.load(std::memory_order_relaxed);
-  while (to < now && !shared.compare_exchange_weak(now, to, std::memory_order_relaxed)) {
+void ChangedPairs::take(std::size_t count, const core::PairList& of, const PairBook& book, std::uint32_t far) {
+  pairs.i.resize(count);
+  pairs.j.resize(count);
+  from.resize(count);
+  to.resize(count);
+  for (std::size_t c = 0; c < count; ++c) {
+    const std::uint32_t p = which_[c];
+    pairs.i[c] = of.i[p];
+    pairs.j[c] = of.j[p];
+    from[c] = book.before[p];
+    to[c] = book.level[p];
   }
-}
-
-}  // namespace
-
-void ChangedPairs::clear() {
-  pairs.clear();
-  from.clear();
-  to.clear();
-}
-
-void ChangedPairs::add(std::uint32_t i, std::uint32_t j, Level its_from, Level its_to) {
-  pairs.add(i, j);
-  from.push_back(its_from);
-  to.push_back(its_to);
-}
-
-void ChangedPairs::finish(std::uint32_t far) {
   pairs.finish(far);
   from.resize(pairs.i.size(), kSkipped);
   to.resize(pairs.i.size(), kSkipped);
@@ -44,8 +35,13 @@ Batches::Batches(int levels, int threads)
       batches_(static_cast<std::size_t>(levels)),
       rows_(static_cast<std::size_t>(levels)),
       balls_(static_cast<std::size_t>(levels)),
+      finest_level_(static_cast<std::size_t>(threads)),
       level_pairs_(static_cast<std::size_t>(threads)),
       changed_(static_cast<std::size_t>(threads)) {}
+
+void Batches::begin(std::size_t balls) {
+  for (std::vector<Level>& finest : finest_level_) finest.assign(balls, kSkipped);
+}
 
 void Batches::sort_pairs(bool fixed, const core::PairList& pairs, PairBook& book, const std::vector<Level>& level_of,
                          double reach, std::uint32_t far_row) {
@@ -55,16 +51,17 @@ void Batches::sort_pairs(bool fixed, const core::PairList& pairs, PairBook& book
     return pairs.count * static_cast<std::size_t>(t) / static_cast<std::size_t>(threads_);
   };
   core::share_work(threads_, [&](int t) {
-    LevelCount& count = level_pairs_[static_cast<std::size_t>(t)];
-    count.fill(0);
+    LevelCount count{};  // those of level_pairs_ would share cache lines
+    std::vector<Level>& finest = finest_level_[static_cast<std::size_t>(t)];
     for (std::size_t p = begin_of(t); p < begin_of(t + 1); ++p) {
       const std::uint32_t i = pairs.i[p], j = fixed ? i : pairs.j[p];
       const Level level = std::max(book.level[p], std::min(level_of[i], level_of[j]));  // skipped, or 0 so far
       book.level[p] = level;
-      lower(drift_level_[i], level);
-      if (!fixed) lower(drift_level_[j], level);
       ++count[bin_of(level)];
+      finest[i] = std::min(finest[i], level);
+      if (!fixed) finest[j] = std::min(finest[j], level);
     }
+    level_pairs_[static_cast<std::size_t>(t)] = count;
   });
   // Where each thread's pairs of a level begin in that level's batch.
   for (Level l = 0; l <= coarsest_; ++l) {
@@ -87,19 +84,36 @@ void Batches::sort_pairs(bool fixed, const core::PairList& pairs, PairBook& book
       places[l] = {batch.i.data(), batch.j.data(), level_pairs_[static_cast<std::size_t>(t)][l], 1};
     }
     ChangedPairs& changed = changed_[static_cast<std::size_t>(t)];
-    changed.clear();
-    for (std::size_t p = begin_of(t); p < begin_of(t + 1); ++p) {
+    const std::size_t begin = begin_of(t), end = begin_of(t + 1);
+    std::uint32_t* which = changed.room_for(end - begin);
+    std::size_t count = 0;
+    for (std::size_t p = begin; p < end; ++p) {
       const Level level = book.level[p];
       Place& to = places[bin_of(level)];
       to.i[to.n] = pairs.i[p];
       to.j[to.n] = pairs.j[p];
       to.n += to.step;
-      const bool has_force = book.overlap[p] >= -reach;
-      if (has_force && book.before[p] != level) changed.add(pairs.i[p], pairs.j[p], book.before[p], level);
+      which[count] = static_cast<std::uint32_t>(p);
+      count += (book.overlap[p] >= -reach) & (book.before[p] != level) ? 1 : 0;
     }
-    changed.finish(far_row);
+    changed.take(count, pairs, book, far_row);
   });
   for (Batch& batch : batches_) batch.pairs(fixed).finish(far_row);
+}
+
+void Batches::cut(std::uint32_t rows) {
+  for (Batch& batch : batches_) {
+    batch.shares.resize(batch.ball.count + batch.fixed.count >= kWorthThreads ? static_cast<std::size_t>(threads_) : 1);
+    core::cut_shares(batch.ball, batch.fixed, rows, batch.shares);
+  }
+  touched_.clear();
+  for (Level finest = 0; finest <= coarsest_; ++finest) {
+    TouchedRows touched(threads_);
+    for (Level active = 0; active <= coarsest_; ++active) {
+      if (active >= finest) touched.add(batches_[active].shares);
+      touched_.push_back(touched);
+    }
+  }
 }
 
 void Batches::sort_balls(const std::vector<Level>& level) {
@@ -107,9 +121,11 @@ void Batches::sort_balls(const std::vector<Level>& level) {
   std::fill(balls_.begin(), balls_.end(), std::size_t{0});
   finest_ = coarsest_;
   for (std::uint32_t row = 0; row < level.size(); ++row) {
-    rows_[drift_level_[row]].push_back(row);
+    Level its = level[row];
+    for (const std::vector<Level>& finest : finest_level_) its = std::min(its, finest[row]);
+    rows_[its].push_back(row);
     ++balls_[level[row]];
-    finest_ = std::min(finest_, drift_level_[row]);
+    finest_ = std::min(finest_, its);
   }
 }
 

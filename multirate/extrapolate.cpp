@@ -34,10 +34,10 @@ class Extrapolate final : public InterfaceStrategy {
     setup_.kernels.drift(rows, steps.paths.data(), which, seconds);
   }
 
-  void kick(core::BallRow* rows, BallSteps& steps, core::RowSpan which, const core::KickParameters& p) override {
-    for (std::size_t k = 0; k < which.n; ++k) {
-      const std::uint32_t i = which.row[k];
-      const core::WeightedSum sum = steps.take_sums(i);
+  void kick(core::BallRow* rows, BallSteps& steps, const SummedRows& which, const core::KickParameters& p) override {
+    for (std::size_t k = 0; k < which.rows.n; ++k) {
+      const std::uint32_t i = which.rows.row[k];
+      const core::WeightedSum sum = steps.take_sums(i, which);
       IntVec& balance = steps.balance[i];
       const Level level = steps.level[i];
       if (level > p.level) {
@@ -64,7 +64,7 @@ class Extrapolate final : public InterfaceStrategy {
       }
       begin_path(rows[i], steps.paths[i], force, setup_.gravity, p.unit);
     }
-    if (p.drift > 0.0) drift(rows, steps, which, p.drift);
+    if (p.drift > 0.0) drift(rows, steps, which.rows, p.drift);
   }
 
   /// As accumulate does it.

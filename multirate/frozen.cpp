@@ -23,10 +23,10 @@ class Frozen final : public InterfaceStrategy {
     setup_.kernels.drift(rows, steps.paths.data(), which, seconds);
   }
 
-  void kick(core::BallRow* rows, BallSteps& steps, core::RowSpan which, const core::KickParameters& p) override {
-    for (std::size_t k = 0; k < which.n; ++k) {
-      const std::uint32_t i = which.row[k];
-      const core::IntVec force = steps.take_sums(i).force;
+  void kick(core::BallRow* rows, BallSteps& steps, const SummedRows& which, const core::KickParameters& p) override {
+    for (std::size_t k = 0; k < which.rows.n; ++k) {
+      const std::uint32_t i = which.rows.row[k];
+      const core::IntVec force = steps.take_sums(i, which).force;
       if (steps.level[i] > p.level) continue;  // in mid-step: lost on it
       core::BallRow& row = rows[i];
       core::Path& path = steps.paths[i];
@@ -38,7 +38,7 @@ class Frozen final : public InterfaceStrategy {
       }
       begin_path(row, path, force, setup_.gravity, p.unit);
     }
-    if (p.drift > 0.0) drift(rows, steps, which, p.drift);
+    if (p.drift > 0.0) drift(rows, steps, which.rows, p.drift);
   }
 
   /// Nothing waits between the steps of a ball.

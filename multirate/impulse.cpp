@@ -41,16 +41,16 @@ class Impulse final : public InterfaceStrategy {
     }
   }
 
-  void kick(core::BallRow* rows, BallSteps& steps, core::RowSpan which, const core::KickParameters& p) override {
-    for (std::size_t k = 0; k < which.n; ++k) {
-      const std::uint32_t i = which.row[k];
-      const core::WeightedSum sum = steps.take_sums(i);
+  void kick(core::BallRow* rows, BallSteps& steps, const SummedRows& which, const core::KickParameters& p) override {
+    for (std::size_t k = 0; k < which.rows.n; ++k) {
+      const std::uint32_t i = which.rows.row[k];
+      const core::WeightedSum sum = steps.take_sums(i, which);
       pay(rows[i], steps.paths[i], sum.impulse);
       steps.balance[i] = sum.impulse;
       // Where not all contacts act the path is none; only at a synchronised time does anyone look.
       begin_path(rows[i], steps.paths[i], sum.force, setup_.gravity, p.unit);
     }
-    if (p.drift > 0.0) drift(rows, steps, which, p.drift);
+    if (p.drift > 0.0) drift(rows, steps, which.rows, p.drift);
   }
 
   /// Kicks go by the levels of contacts, whatever those of balls.

@@ -25,7 +25,7 @@ class InterfaceStrategy {
   /// After the evaluations of a tick, for rows that take part in it. Clears their sums. Velocities are then those at this
   /// tick (of balls whose steps end), and if `p.drift` is above 0, the rows go on at once.
   /// Where all steps end, paths and the rows' bounds hold the acceleration: classes are chosen from them.
-  virtual void kick(core::BallRow* rows, BallSteps& steps, core::RowSpan which, const core::KickParameters& p) = 0;
+  virtual void kick(core::BallRow* rows, BallSteps& steps, const SummedRows& which, const core::KickParameters& p) = 0;
   /// Rows [begin, end) at a renewal, where all have new levels. If `is_new`, balances know nothing of any contact; else they
   /// are what the last kick left. For each contact whose level changes, its balls' balances then
   /// get the change of 2^level F (from 0 if it had no level).

@@ -31,7 +31,6 @@ using core::SweepTotals;
 using core::Vec3;
 using core::share_work;
 
-constexpr std::size_t kWorthThreads = 1024;  // pairs or balls
 constexpr double kReachRoom = 1.0 + 1e-6;    // recorded overlaps are rounded to seven digits
 constexpr int kMostCoarseSteps = 8;     // between regular renewals
 constexpr double kRenewalPhase = 1.6;   // omega times the time between renewals, of two mean balls
@@ -57,6 +56,8 @@ class MultirateStepper final : public core::BallStepper {
         choice_(ladder_, setup, law(false, 0.0).law, law(true, 0.0).law, length_scale_, interval_, strategy_->levels_below()),
         batches_(ladder_.levels(), threads_),
         drifted_(static_cast<std::size_t>(ladder_.levels())),
+        listed_shares_(static_cast<std::size_t>(threads_)),
+        listed_touched_(threads_),
         totals_(static_cast<std::size_t>(threads_)),
         found_(static_cast<std::size_t>(threads_)),
         balls_at_(static_cast<std::size_t>(ladder_.levels())),
@@ -132,9 +133,17 @@ class MultirateStepper final : public core::BallStepper {
   }
 
  private:
+  struct Totals {
+    SweepTotals ball, fixed;
+    Totals& operator+=(const Totals& other) {
+      ball += other.ball;
+      fixed += other.fixed;
+      return *this;
+    }
+  };
   /// Halves of contact steps that an evaluation opens, for the ledger.
   struct Opened {
-    SweepTotals ball, fixed;
+    Totals totals;
     double seconds;
   };
 
@@ -147,42 +156,38 @@ class MultirateStepper final : public core::BallStepper {
       return;
     }
     const double step = ladder_.step(level);
-    share_rows(batches_.rows(level), [&](core::RowSpan rows) { strategy_->drift(balls_.rows.data(), steps_, rows, step); });
+    share_rows(level, [&](core::RowSpan rows) { strategy_->drift(balls_.rows.data(), steps_, rows, step); });
   }
 
   void evaluate(Level level) {
     strategy_->before_evaluation(steps_, level);
     const Batch& batch = batches_[level];
     const double step = ladder_.step(level);
-    const SweepTotals ball = sweep(batch.ball, law(false, step), level), fixed = sweep(batch.fixed, law(true, step), level);
+    costs_.contact_evaluations += batch.ball.count + batch.fixed.count;
+    share_work(static_cast<int>(batch.shares.size()), [&](int t) {
+      const core::RowShare& share = batch.shares[static_cast<std::size_t>(t)];
+      Totals& totals = totals_[static_cast<std::size_t>(t)];
+      totals.ball = sweep(t, batch.ball, share.ball, law(false, step), level);
+      totals.fixed = sweep(t, batch.fixed, share.fixed, law(true, step), level);
+    });
+    Totals sum;
+    for (std::size_t t = 0; t < batch.shares.size(); ++t) sum += totals_[t];
+    if (sum.ball.overloaded || sum.fixed.overloaded) throw_overloaded();
     // Half a step closes now; the half that opens belongs to what follows, which may be after this synchronised time.
-    book(ball, fixed, 0.5 * step);
-    opened_.push_back({ball, fixed, 0.5 * step});
+    book(sum.ball, sum.fixed, 0.5 * step);
+    opened_.push_back({sum, 0.5 * step});
   }
 
-  SweepTotals sweep(const PairList& pairs, const core::SweepLaw& law, Level level) {
-    if (pairs.count == 0) return {};
-    const core::Kernels& kernel = *setup_.kernels;
-    costs_.contact_evaluations += pairs.count;
-    const int parts = pairs.count >= kWorthThreads ? threads_ : 1;
-    steps_.parts = std::max(steps_.parts, parts);
-    const std::size_t groups = pairs.i.size() / core::kLanes;
-    const auto work = [&](int t) {
-      const std::size_t begin = groups * t / parts * core::kLanes, end = groups * (t + 1) / parts * core::kLanes;
-      const core::PairSpan span{pairs.i.data() + begin, pairs.j.data() + begin, end - begin};
-      core::WeightedSum* sums = steps_.sums_of(t);
-      SweepTotals& totals = totals_[static_cast<std::size_t>(t)] = {};
-      core::CandidateList& found = found_[static_cast<std::size_t>(t)];
-      core::Candidates candidates = found.room_for(span.n);
-      kernel.sweep_weighted(balls_.rows.data(), span, law, level, sums, totals, events_ ? &candidates : nullptr);
-      found.take(candidates, begin);
-      if (!totals.overloaded) examine(t, pairs, found.pairs(), law, [&](std::uint32_t) { return law.step; });
-    };
-    share_work(parts, work);
-    SweepTotals sum;
-    for (int t = 0; t < parts; ++t) sum += totals_[static_cast<std::size_t>(t)];
-    if (sum.overloaded) throw_overloaded();
-    return sum;
+  SweepTotals sweep(int t, const PairList& pairs, core::PairRange range, const core::SweepLaw& law, Level level) {
+    SweepTotals totals;
+    if (range.begin == range.end) return totals;
+    const core::PairSpan span{pairs.i.data() + range.begin, pairs.j.data() + range.begin, range.end - range.begin};
+    core::CandidateList& found = found_[static_cast<std::size_t>(t)];
+    core::Candidates candidates = found.room_for(span.n);
+    setup_.kernels->sweep_weighted(balls_.rows.data(), span, law, level, steps_.sums_of(t), totals, events_ ? &candidates : nullptr);
+    found.take(candidates, range.begin);
+    if (!totals.overloaded) examine(t, pairs, found.pairs(), law, [&](std::uint32_t) { return law.step; });
+    return totals;
   }
 
   /// Looks for branch changes among what thread t has found.
@@ -223,9 +228,16 @@ class MultirateStepper final : public core::BallStepper {
     for (Level l = batches_.finest(); l <= active; ++l) {
       p.drift = go_on ? ladder_.step(l) : 0.0;
       drifted_[l] = go_on;
-      share_rows(batches_.rows(l), [&](core::RowSpan rows) { strategy_->kick(balls_.rows.data(), steps_, rows, p); });
+      const TouchedRows& touched = recorded_ ? listed_touched_ : batches_.touched(l, active);
+      share_rows(l, [&](core::RowSpan rows) {
+        while (rows.n > 0) {
+          const SummedRows some = touched.first_alike(rows);
+          strategy_->kick(balls_.rows.data(), steps_, some, p);
+          rows = {rows.row + some.rows.n, rows.n - some.rows.n};
+        }
+      });
     }
-    steps_.parts = 1;
+    recorded_ = false;
   }
 
   /// Calls work(begin, end) for shares of the content, by threads.
@@ -236,11 +248,11 @@ class MultirateStepper final : public core::BallStepper {
     });
   }
 
-  /// Calls work(RowSpan) for shares of `rows`, by threads where it pays.
+  /// Calls work(RowSpan) for shares of the rows of this level, by threads where it pays.
   template <class Work>
-  void share_rows(const std::vector<std::uint32_t>& rows, Work work) {
-    const int parts = rows.size() >= kWorthThreads ? threads_ : 1;
-    core::share_range(rows.size(), parts, [&](int /*t*/, std::size_t begin, std::size_t end) {
+  void share_rows(Level level, Work work) {
+    const std::vector<std::uint32_t>& rows = batches_.rows(level);
+    core::share_range(rows.size(), rows.size() >= kWorthThreads ? threads_ : 1, [&](int /*t*/, std::size_t begin, std::size_t end) {
       work(core::RowSpan{rows.data() + begin, end - begin});
     });
   }
@@ -276,34 +288,34 @@ class MultirateStepper final : public core::BallStepper {
   Opened record(const std::vector<BallRow>& rows, bool summing, See see) {
     list_.count_sweep();
     ++records_;
-    Opened total{{}, {}, 0.5 * ladder_.tick()};
-    if (summing) steps_.parts = threads_;
-    for (const bool fixed : {false, true}) {
-      const PairList& pairs = listed(fixed);
-      PairBook& book = books_[fixed];
-      const core::SweepLaw its = law(fixed, step_);
-      const std::size_t groups = pairs.i.size() / core::kLanes;
-      costs_.contact_evaluations += pairs.count;
-      share_work(threads_, [&](int t) {
-        const std::size_t begin = groups * t / threads_ * core::kLanes, end = groups * (t + 1) / threads_ * core::kLanes;
+    recorded_ = summing;
+    share_work(threads_, [&](int t) {
+      const core::RowShare& share = listed_shares_[static_cast<std::size_t>(t)];
+      core::CandidateList& found = found_[static_cast<std::size_t>(t)];
+      Totals& totals = totals_[static_cast<std::size_t>(t)] = {};
+      for (const bool fixed : {false, true}) {
+        const PairList& pairs = listed(fixed);
+        const auto [begin, end] = fixed ? share.fixed : share.ball;
         const core::PairSpan span{pairs.i.data() + begin, pairs.j.data() + begin, end - begin};
-        core::WeightedSum* sums = summing ? steps_.sums_of(t) : nullptr;
-        SweepTotals& totals = totals_[static_cast<std::size_t>(t)] = {};
-        core::Candidates candidates = found_[static_cast<std::size_t>(t)].room_for(span.n);
-        setup_.kernels->record(rows.data(), span, its, book.level.data() + begin, book.records(begin), sums, totals, candidates);
-        found_[static_cast<std::size_t>(t)].take(candidates, begin);
-        if (!totals.overloaded) see(t, fixed, found_[static_cast<std::size_t>(t)].pairs());
-      });
-      for (const SweepTotals& part : totals_) (fixed ? total.fixed : total.ball) += part;
-    }
-    if (total.ball.overloaded || total.fixed.overloaded) throw_overloaded();
-    return total;
+        SweepTotals& its = fixed ? totals.fixed : totals.ball;
+        core::Candidates candidates = found.room_for(span.n);
+        setup_.kernels->record(rows.data(), span, law(fixed, step_), books_[fixed].level.data() + begin,
+                               books_[fixed].records(begin), summing ? steps_.sums_of(t) : nullptr, its, candidates);
+        found.take(candidates, begin);
+        if (!its.overloaded) see(t, fixed, found.pairs());
+      }
+    });
+    Opened half{{}, 0.5 * ladder_.tick()};
+    for (const Totals& part : totals_) half.totals += part;
+    if (half.totals.ball.overloaded || half.totals.fixed.overloaded) throw_overloaded();
+    costs_.contact_evaluations += listed(false).count + listed(true).count;
+    return half;
   }
   static constexpr auto kIgnoreCandidates = [](int, bool, std::span<const std::uint32_t>) {};
 
   /// The halves of contact steps that the last evaluations opened.
   void book_opened() {
-    for (const Opened& half : opened_) book(half.ball, half.fixed, half.seconds);
+    for (const Opened& half : opened_) book(half.totals.ball, half.totals.fixed, half.seconds);
     opened_.clear();
   }
 
@@ -320,7 +332,7 @@ class MultirateStepper final : public core::BallStepper {
               [&](std::uint32_t p) { return book.level[p] == kSkipped ? 0.0 : ladder_.step(book.level[p]); });
     });
     for (const PairBook& book : books_) costs_.missed_contacts += book.skipped_contacts();
-    book(half.ball, half.fixed, half.seconds);
+    book(half.totals.ball, half.totals.fixed, half.seconds);
     opened_ = {half};
   }
 
@@ -357,6 +369,7 @@ class MultirateStepper final : public core::BallStepper {
       begin_path(balls_.rows[row], path, steps_.total_force(row), setup_.gravity, scale_.unit);
     }
     steps_.clear_sums();
+    recorded_ = false;
   }
 
   /// Levels of balls and contacts from the records; opens all steps at them. `is_new`: no pair of the list had a level.
@@ -364,14 +377,15 @@ class MultirateStepper final : public core::BallStepper {
     straight_.begin(balls_);
     for (PairBook& book : books_) book.before.swap(book.level);
     choice_.choose({balls_, listed(false), listed(true), books_, straight_.margin()}, steps_);
-    if (is_new) opened_ = {Opened{{}, {}, 0.5 * ladder_.tick()}};
+    if (is_new) opened_ = {Opened{{}, 0.5 * ladder_.tick()}};
     share_balls([&](std::uint32_t begin, std::uint32_t end) { strategy_->open(steps_, is_new, begin, end); });
-    batches_.begin(steps_.level);
+    batches_.begin(steps_.level.size());
     for (const bool fixed : {false, true}) {
       batches_.sort_pairs(fixed, listed(fixed), books_[fixed], choice_.for_contacts(fixed, steps_),
                           kReachRoom * law(fixed, 0.0).law.reach, balls_.far_row());
       reweigh_changed(fixed);
     }
+    batches_.cut(balls_.content_count());
     batches_.sort_balls(steps_.level);
     strategy_->begin(steps_, evaluated_.data(), batches_);
     renewed_at_ = steps_done_;
@@ -384,7 +398,7 @@ class MultirateStepper final : public core::BallStepper {
     for (const ChangedPairs& changed : batches_.changed()) {
       costs_.contact_evaluations += changed.pairs.count;
       setup_.kernels->reweigh(evaluated_.data(), changed.pairs.span(), law(fixed, step_), changed.from.data(), changed.to.data(),
-                              steps_.balance.data(), fixed ? half.fixed : half.ball);
+                              steps_.balance.data(), fixed ? half.totals.fixed : half.totals.ball);
     }
   }
 
@@ -393,6 +407,9 @@ class MultirateStepper final : public core::BallStepper {
   void follow_order(std::span<const std::uint32_t> order) override {
     steps_.follow_order(order, balls_.spare, threads_);
     choice_.follow_order(order.size());
+    core::cut_shares(list_.ball_pairs(), list_.fixed_pairs(), balls_.content_count(), listed_shares_);
+    listed_touched_ = TouchedRows(threads_);
+    listed_touched_.add(listed_shares_);
     for (const bool fixed : {false, true}) books_[fixed].begin(listed(fixed).i.size());
   }
   std::vector<std::uint8_t> levels() const override { return steps_.level; }
@@ -409,7 +426,10 @@ class MultirateStepper final : public core::BallStepper {
   Batches batches_;
   BallSteps steps_;
   std::vector<std::uint8_t> drifted_;       // per level: its rows have gone on to their next tick
-  std::vector<SweepTotals> totals_;         // per thread
+  std::vector<core::RowShare> listed_shares_;  // per thread, of all listed pairs
+  TouchedRows listed_touched_;
+  bool recorded_ = false;                   // the sums of this tick are of all listed pairs
+  std::vector<Totals> totals_;              // per thread
   std::vector<core::CandidateList> found_;  // per thread
   PairBook books_[2];                    // among balls, with fixed balls
   std::vector<Opened> opened_;
