@@ -48,6 +48,10 @@ struct InterfaceSetup {
 /// The strategy of stepping.interface. Throws InputError where other keys do not go with it.
 std::unique_ptr<InterfaceStrategy> make_interface(const core::Stepping& stepping, const InterfaceSetup& setup);
 
+/// The damping ratio of a contact below which pairs of steps may resonate with it and heat the balls: where the tests of the
+/// strategy see growth end (two springs over all phases, chains).
+double least_damping_ratio(core::Interface interface);
+
 // Each in the file of its name.
 std::unique_ptr<InterfaceStrategy> make_accumulate(const InterfaceSetup& setup);
 std::unique_ptr<InterfaceStrategy> make_frozen(const InterfaceSetup& setup);

@@ -3,6 +3,7 @@
 #include "core/check.hpp"
 #include "core/critical_step.hpp"
 #include "multirate/cost_model.hpp"
+#include "multirate/interface.hpp"
 #include "multirate/stepper.hpp"
 #include "silo/phases.hpp"
 
@@ -21,8 +22,6 @@ using core::Method;
 using core::Phase;
 using core::StepperSetup;
 
-/// Accumulated impulses are weakly unstable in undamped contacts; this damping ratio restores the limit.
-constexpr double kLeastDamping = 0.02;
 
 bool has_fixed(const core::State& state) { return state.count(core::Kind::content) < state.size(); }
 
@@ -52,9 +51,12 @@ void add_pair(Report& report, const std::string& key, const std::string& label, 
   pair.add("restitution", "restitution", core::restitution(law, m_eff, setup.materials.tension));
   pair.add("collision_time", "collision time", duration, "s");
   pair.add("collision_steps", "collision time / coarsest step", duration / step);
-  if (setup.stepping.method == Method::multirate && damping < kLeastDamping)
-    pair.warn(fmt::format("damping ratio {:.3g} is below {}: multi-rate stepping is weakly unstable then; raise the dashpot or step uniformly",
-                          damping, kLeastDamping));
+  const double least = multirate::least_damping_ratio(setup.stepping.interface);
+  if (setup.stepping.method == Method::multirate && damping < least)
+    pair.warn(fmt::format("damping ratio {:.3g} is below {}: steps of different lengths that meet here may resonate with the contact and "
+                          "heat the balls (interface = \"{}\"); raise the dashpot, {}step uniformly",
+                          damping, least, name(setup.stepping.interface),
+                          setup.stepping.interface == core::Interface::accumulate ? "or " : "take \"accumulate\", or "));
   report.add(key, label, pair);
 }
 
