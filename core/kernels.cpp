@@ -706,7 +706,7 @@ void drift(BallRow* rows, const Path* paths, RowSpan which, double h) {
 }
 
 template <bool kDrift>
-void kick_rows(BallRow* rows, Path* paths, IntVec* balance_in, const std::uint8_t* level, WeightedSum* sums_in,
+void kick_rows(BallRow* rows, Path* paths, IntVec* balance_in, IntVec* opening, const std::uint8_t* level, WeightedSum* sums_in,
                std::size_t stride, int parts, RowSpan which, const KickParameters& p) {
   const Real4 gravity = {p.gravity[0], p.gravity[1], p.gravity[2], 0.0};
   Int4* sums = reinterpret_cast<Int4*>(sums_in);
@@ -735,7 +735,7 @@ void kick_rows(BallRow* rows, Path* paths, IntVec* balance_in, const std::uint8_
       path.ax = a[0];
       path.ay = a[1];
       path.az = a[2];
-      *reinterpret_cast<Int4*>(&path.opening) = force;
+      if constexpr (!kDrift) *reinterpret_cast<Int4*>(opening + i) = force;
       // The next step's path takes the force as constant; its balance begins with what that is wrong by.
       balance[i] = impulse - (force << (level[i] + 1));
     }
@@ -743,10 +743,10 @@ void kick_rows(BallRow* rows, Path* paths, IntVec* balance_in, const std::uint8_
   }
 }
 
-void kick(BallRow* rows, Path* paths, IntVec* balance, const std::uint8_t* level, WeightedSum* sums, std::size_t stride,
-          int parts, RowSpan which, const KickParameters& p) {
-  if (p.drift > 0.0) kick_rows<true>(rows, paths, balance, level, sums, stride, parts, which, p);
-  else kick_rows<false>(rows, paths, balance, level, sums, stride, parts, which, p);
+void kick(BallRow* rows, Path* paths, IntVec* balance, IntVec* opening, const std::uint8_t* level, WeightedSum* sums,
+          std::size_t stride, int parts, RowSpan which, const KickParameters& p) {
+  const auto kicked = p.drift > 0.0 ? kick_rows<true> : kick_rows<false>;
+  kicked(rows, paths, balance, opening, level, sums, stride, parts, which, p);
 }
 
 AdvanceReport watch(const BallRow* rows, const StraightPath* expected, double seconds, const AdvanceParameters& p,

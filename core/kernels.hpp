@@ -83,11 +83,10 @@ struct RowSpan {
   const std::uint32_t* row;
   std::size_t n;
 };
-/// What belongs to a ball between its own step ends.
-struct alignas(64) Path {
-  double ax, ay, az;      // m/s2, acceleration of its present step
-  double inverse_mass;    // 1/kg
-  IntVec opening;         // force units, the force sum that opened its step
+/// How a ball moves between its own step ends.
+struct alignas(32) Path {
+  double ax, ay, az;    // m/s2, acceleration of its present step
+  double inverse_mass;  // 1/kg
 };
 /// Where a ball is expected: on a straight line from `x` at `v`, give or take `margin`.
 struct alignas(64) StraightPath {
@@ -145,8 +144,9 @@ struct Kernels {
   /// Moves balls along their present paths by `seconds`.
   void (*drift)(BallRow* rows, const Path* paths, RowSpan which, double seconds);
   /// After the forces of a tick: balls whose own step ends get their velocity and open the next step; all others
-  /// put the impulse onto their balance. Clears the sums.
-  void (*kick)(BallRow* rows, Path* paths, IntVec* balance, const std::uint8_t* level, WeightedSum* sums,
+  /// put the impulse onto their balance. Clears the sums. Where balls do not go on, keeps in `opening` the force sums that
+  /// open their steps.
+  void (*kick)(BallRow* rows, Path* paths, IntVec* balance, IntVec* opening, const std::uint8_t* level, WeightedSum* sums,
                std::size_t stride, int parts, RowSpan which, const KickParameters&);
   /// Rows [begin, end) against their straight paths `seconds` after these began, now and, if they go on as they do, a
   /// step of `AdvanceParameters` later; and against the domain.

@@ -29,7 +29,7 @@ class Accumulate final : public InterfaceStrategy {
   }
 
   void kick(core::BallRow* rows, BallSteps& steps, const SummedRows& which, const core::KickParameters& p) override {
-    kernels_.kick(rows, steps.paths.data(), steps.balance.data(), steps.level.data(), steps.sums_of(which.first),
+    kernels_.kick(rows, steps.paths.data(), steps.balance.data(), steps.opening.data(), steps.level.data(), steps.sums_of(which.first),
                   steps.stride, which.parts, which.rows, p);
   }
 

@@ -17,6 +17,7 @@ namespace grainclock::multirate {
 struct BallSteps {
   std::vector<core::Path> paths;
   std::vector<core::IntVec> balance;    // force units times half ticks; the far row has one too
+  std::vector<core::IntVec> opening;    // force units, the force sums that open steps, where balls wait for others
   std::vector<Level> level;             // of the balls' own steps
   std::vector<Level> before;            // the same before the present renewal
   std::vector<core::WeightedSum> sums;  // one array per thread, of the content and the far row
@@ -51,6 +52,7 @@ struct BallSteps {
   void follow_order(std::span<const std::uint32_t> order, std::vector<core::BallRow>& spare, int threads) {
     core::reorder_like(paths, order, spare, threads);
     core::reorder_like(balance, order, spare, threads);
+    core::reorder_like(opening, order, spare, threads);
     core::reorder_like(level, order, spare, threads);
     stride = order.size() + 1;
     balance.resize(stride);
@@ -58,25 +60,26 @@ struct BallSteps {
   }
 };
 
-/// A path takes the force that opened it as constant, and the balance of its step begins with that much less, 2^(level + 1)
+/// A path takes the force that opens it as constant, and the balance of its step begins with that much less, 2^(level + 1)
 /// times: for rows [begin, end) at new levels, what that changes by; if `is_new`, balances begin with it.
 inline void open_balances(BallSteps& steps, bool is_new, std::uint32_t begin, std::uint32_t end) {
   for (std::uint32_t row = begin; row < end; ++row) {
     if (is_new) steps.balance[row] = {};
     if (steps.before[row] == steps.level[row] && !is_new) continue;
     const std::int64_t had = is_new ? 0 : 2 * ticks_of(steps.before[row]), has = 2 * ticks_of(steps.level[row]);
-    for (int k = 0; k < 3; ++k) steps.balance[row].v[k] += (had - has) * steps.paths[row].opening.v[k];
+    for (int k = 0; k < 3; ++k) steps.balance[row].v[k] += (had - has) * steps.opening[row].v[k];
   }
 }
 
-/// Lets a row go on under `force` [units of `unit` N], its force sum at present. `gravity` in m/s2.
-inline void begin_path(core::BallRow& row, core::Path& path, const core::IntVec& force, const core::Vec3& gravity,
-                       double unit) {
-  path.opening = force;
+/// Lets a ball go on under `force` [units of `unit` N], its force sum at present. `gravity` in m/s2.
+inline void begin_path(BallSteps& steps, std::uint32_t row, core::BallRow& ball, const core::IntVec& force,
+                       const core::Vec3& gravity, double unit) {
+  core::Path& path = steps.paths[row];
+  steps.opening[row] = force;
   const double inertia = unit * path.inverse_mass;  // as the kernels do it
   double* a[3] = {&path.ax, &path.ay, &path.az};
   for (int k = 0; k < 3; ++k) *a[k] = gravity[k] + static_cast<double>(force.v[k]) * inertia;
-  row.a = std::abs(path.ax) + std::abs(path.ay) + std::abs(path.az);
+  ball.a = std::abs(path.ax) + std::abs(path.ay) + std::abs(path.az);
 }
 
 }  // namespace grainclock::multirate

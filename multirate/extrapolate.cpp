@@ -62,7 +62,7 @@ class Extrapolate final : public InterfaceStrategy {
         *v[a] += static_cast<double>(balance.v[a] + sum.impulse.v[a] + gain) * per_unit;
         balance.v[a] = sum.impulse.v[a] - gain - force.v[a] * 2 * ticks_of(level);
       }
-      begin_path(rows[i], steps.paths[i], force, setup_.gravity, p.unit);
+      begin_path(steps, i, rows[i], force, setup_.gravity, p.unit);
     }
     if (p.drift > 0.0) drift(rows, steps, which.rows, p.drift);
   }

@@ -29,14 +29,13 @@ class Frozen final : public InterfaceStrategy {
       const core::IntVec force = steps.take_sums(i, which).force;
       if (steps.level[i] > p.level) continue;  // in mid-step: lost on it
       core::BallRow& row = rows[i];
-      core::Path& path = steps.paths[i];
-      const double per_unit = p.half_tick * (p.unit * path.inverse_mass);
+      const double per_unit = p.half_tick * (p.unit * steps.paths[i].inverse_mass);
       double* v[3] = {&row.vx, &row.vy, &row.vz};
       for (int axis = 0; axis < 3; ++axis) {
-        const std::int64_t change = force.v[axis] - path.opening.v[axis];
+        const std::int64_t change = force.v[axis] - steps.opening[i].v[axis];
         *v[axis] += static_cast<double>(change * ticks_of(steps.level[i])) * per_unit;
       }
-      begin_path(row, path, force, setup_.gravity, p.unit);
+      begin_path(steps, i, row, force, setup_.gravity, p.unit);
     }
     if (p.drift > 0.0) drift(rows, steps, which.rows, p.drift);
   }

@@ -48,7 +48,7 @@ class Impulse final : public InterfaceStrategy {
       pay(rows[i], steps.paths[i], sum.impulse);
       steps.balance[i] = sum.impulse;
       // Where not all contacts act the path is none; only at a synchronised time does anyone look.
-      begin_path(rows[i], steps.paths[i], sum.force, setup_.gravity, p.unit);
+      begin_path(steps, i, rows[i], sum.force, setup_.gravity, p.unit);
     }
     if (p.drift > 0.0) drift(rows, steps, which.rows, p.drift);
   }

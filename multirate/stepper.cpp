@@ -65,6 +65,7 @@ class MultirateStepper final : public core::BallStepper {
     const std::uint32_t n = balls_.content_count();
     steps_.paths.resize(n);
     steps_.balance.resize(n);
+    steps_.opening.resize(n);
     steps_.level.assign(n, ladder_.coarsest());
     if (!state.level.empty() && !state.evaluated_position.empty()) {
       std::uint32_t row = 0;
@@ -195,7 +196,12 @@ class MultirateStepper final : public core::BallStepper {
   void examine(int t, const PairList& pairs, std::span<const std::uint32_t> found, const core::SweepLaw& law, StepOf step_of) {
     event_books_[static_cast<std::size_t>(t)].examine(
         balls_.rows, pairs.span(), found, law, step_of,
-        [this](std::uint32_t row) { return path_acceleration(row, steps_.paths[row].opening); });
+        [this](std::uint32_t row) { return acceleration_of(row); });
+  }
+
+  Vec3 acceleration_of(std::uint32_t row) const {
+    const core::Path& path = steps_.paths[row];
+    return {path.ax, path.ay, path.az};
   }
 
   void apply_events(Level active) {
@@ -212,7 +218,7 @@ class MultirateStepper final : public core::BallStepper {
     const int below = strategy_->levels_below();
     apply_position_corrections(book, [&](std::uint32_t row) {
       const bool has_all = steps_.level[row] + below <= active || active == ladder_.coarsest();
-      return newtons(has_all ? steps_.total_force(row) : steps_.paths[row].opening);
+      return has_all ? newtons(steps_.total_force(row)) : mass(row) * (acceleration_of(row) - setup_.gravity);
     });
     book.clear();
   }
@@ -364,9 +370,8 @@ class MultirateStepper final : public core::BallStepper {
   void record_and_open() {
     record(balls_.rows, true, kIgnoreCandidates);
     for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
-      core::Path& path = steps_.paths[row];
-      path.inverse_mass = balls_.inverse_mass[row];
-      begin_path(balls_.rows[row], path, steps_.total_force(row), setup_.gravity, scale_.unit);
+      steps_.paths[row].inverse_mass = balls_.inverse_mass[row];
+      begin_path(steps_, row, balls_.rows[row], steps_.total_force(row), setup_.gravity, scale_.unit);
     }
     steps_.clear_sums();
     recorded_ = false;

@@ -68,7 +68,7 @@ struct Paths {
 
   explicit Paths(const Scene& scene) : rows(scene.balls.content_count()), paths(rows.size()) {
     std::iota(rows.begin(), rows.end(), 0U);
-    for (const std::uint32_t row : rows) paths[row] = {0.0, 0.0, -kGravity, scene.balls.inverse_mass[row], {}};
+    for (const std::uint32_t row : rows) paths[row] = {0.0, 0.0, -kGravity, scene.balls.inverse_mass[row]};
   }
   core::RowSpan span() const { return {rows.data(), rows.size()}; }
 };
@@ -86,7 +86,7 @@ void kick(benchmark::State& run, const Kernels& kernel, const Scene& scene, bool
   const std::vector<core::IntVec> forces = force_sums(scene);
   const std::vector<std::uint8_t> level(on.rows.size(), kLevel);
   std::vector<core::WeightedSum> sums(forces.size());
-  std::vector<core::IntVec> balance;
+  std::vector<core::IntVec> balance, opening(on.rows.size());
   std::vector<core::BallRow> rows;
   const auto restore = [&] {
     rows.assign(scene.balls.rows.begin(), scene.balls.rows.end());
@@ -95,7 +95,7 @@ void kick(benchmark::State& run, const Kernels& kernel, const Scene& scene, bool
   };
   const core::KickParameters p{{0.0, 0.0, -kGravity}, scene.scale.unit, kStep, ends ? kLevel : kLevel - 1, drift};
   time_items(run, "ball", on.rows.size(), restore, [&] {
-    kernel.kick(rows.data(), on.paths.data(), balance.data(), level.data(), sums.data(), sums.size(), 1, on.span(), p);
+    kernel.kick(rows.data(), on.paths.data(), balance.data(), opening.data(), level.data(), sums.data(), sums.size(), 1, on.span(), p);
   });
 }
 

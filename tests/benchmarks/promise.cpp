@@ -110,14 +110,14 @@ void sweep_weighted_wrong(const core::BallRow* rows, core::PairSpan pairs, const
   core::kernels().sweep_weighted(rows, pairs, wrong, shift, sums, totals, candidates);
 }
 /// Every weight but the opening one is 1 % too small.
-void kick_wrong(core::BallRow* rows, core::Path* paths, core::IntVec* balance, const std::uint8_t* level,
-                core::WeightedSum* sums, std::size_t stride, int parts, core::RowSpan which, const core::KickParameters& p) {
+void kick_wrong(core::BallRow* rows, core::Path* paths, core::IntVec* balance, core::IntVec* opening,
+                const std::uint8_t* level, core::WeightedSum* sums, std::size_t stride, int parts, core::RowSpan which, const core::KickParameters& p) {
   for (int part = 0; part < parts; ++part) {
     for (std::size_t k = 0; k < which.n; ++k) {
       for (std::int64_t& c : sums[static_cast<std::size_t>(part) * stride + which.row[k]].impulse.v) c -= c / 100;
     }
   }
-  core::kernels().kick(rows, paths, balance, level, sums, stride, parts, which, p);
+  core::kernels().kick(rows, paths, balance, opening, level, sums, stride, parts, which, p);
 }
 /// The trapezoid of uniform steps with weights 0.505 and 0.495: the closing force's share is 1 % too small.
 core::AdvanceReport advance_wrong(core::Advance what, core::BallRow* rows, core::IntVec* sums, std::size_t stride, int parts,

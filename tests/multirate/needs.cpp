@@ -32,7 +32,7 @@ struct Pairs {
     with.reach = reach;
     with.per_unit = 50.0 / kMatrixUnit;
     for (std::size_t k = 0; k < kBalls; ++k) {
-      core::Path path{random.between(-30, 30), random.between(-30, 30), random.between(-30, 30), random.between(0.01, 0.02), {}};
+      core::Path path{random.between(-30, 30), random.between(-30, 30), random.between(-30, 30), random.between(0.01, 0.02)};
       paths.push_back(path);
       margin.push_back(random.between(1e-4, 2e-3));
     }
