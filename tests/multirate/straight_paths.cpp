@@ -111,7 +111,7 @@ TEST(StraightPaths, MarginsGrowWithAccelerationUpToTwice) {
 TEST(StraightPaths, WatchSeesWhoIsOffOrWillBeAStepLater) {
   const Motion begun{Vec3(0.1, -0.2, 0.3), Vec3(4.0, -3.0, 5.0)};
   const double seconds = 2.0 * kStep, margin = margin_at(0.0);
-  for (const double side : {1.0 - 1e-6, 1.0 + 1e-6}) {
+  for (const double side : {1.0 - 1e-6, 1.0 + 1e-6}) {  // rounding of metres: 1e-13 of the margin
     const Vec3 off = side * margin * oblique();
     Flight now({begun}), soon({begun}), back({begun});
     const Motion there = after(seconds, begun);

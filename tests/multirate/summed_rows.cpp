@@ -141,12 +141,12 @@ struct Band {
     }
   }
 
-  /// Sweeps of the levels from `finest` on, by as many threads. Returns to what rows they add.
-  TouchedRows sweep(BallSteps& steps, Level finest, int threads) const {
+  /// Sweeps of the levels from `finest` to `active`, by as many threads. Returns to what rows they add.
+  TouchedRows sweep(BallSteps& steps, Level finest, Level active, int threads) const {
     steps.stride = kContent + 1;
     steps.sums.assign(static_cast<std::size_t>(threads) * steps.stride, WeightedSum{});
     TouchedRows touched(threads);
-    for (Level level = finest; level < kLevels; ++level) {
+    for (Level level = finest; level <= active; ++level) {
       std::vector<RowShare> shares(level == 2 ? 1 : static_cast<std::size_t>(threads));
       core::cut_shares(pairs[level][0], pairs[level][1], kContent, shares);
       touched.add(shares);
@@ -179,11 +179,13 @@ TEST(TouchedRows, TakenSumsAreThoseOfOneThreadAndLeaveNone) {
   std::vector<std::uint32_t> rows(Band::kContent);
   std::iota(rows.begin(), rows.end(), 0U);
   for (const int threads : {1, 2, 3, 4}) {
-    for (Level finest = 0; finest < Band::kLevels; ++finest) {
-      SCOPED_TRACE(testing::Message() << threads << " threads, from level " << int{finest});
+    for (const auto& [finest, active] : {std::pair<Level, Level>{0, 0}, {0, 1}, {1, 1}, {0, 2}, {1, 2}, {2, 2}}) {
+      SCOPED_TRACE(testing::Message() << threads << " threads, levels " << int{finest} << " to " << int{active});
       BallSteps alone, shared;
-      band.sweep(alone, finest, 1);
-      const TouchedRows touched = band.sweep(shared, finest, threads);
+      band.sweep(alone, finest, active, 1);
+      const TouchedRows touched = band.sweep(shared, finest, active, threads);
+      const std::vector<WeightedSum> last(shared.sums.end() - static_cast<std::ptrdiff_t>(shared.stride), shared.sums.end());
+      EXPECT_EQ(is_zero(last), threads > 1 && finest == 2);
       std::vector<WeightedSum> sums(Band::kContent + 1);
       std::size_t in_one = 0;
       for_pieces(touched, rows, [&](const SummedRows& some) {
