@@ -1,6 +1,8 @@
 #include "silo/discharge.hpp"
 
+#include "benchmarks/statistics.hpp"
 #include "core/check.hpp"
+#include "silo/random.hpp"
 
 #include <gtest/gtest.h>
 
@@ -87,6 +89,33 @@ TEST(Stoppages, ABallThatLeavesEndsOneHoweverCalmTheContent) {
   EXPECT_THROW(stoppages(times(7), calm, {1.0}, {0.1}), core::InputError);
 }
 
+TEST(Stoppages, AgreeWithTheStatisticsOnAnySeries) {
+  Random random(5, 0);
+  for (int trial = 0; trial < 50; ++trial) {
+    std::vector<double> count{0.0};
+    while (count.size() < 200) count.push_back(count.back() + std::floor(random.between(0.0, 1.6)));
+    const std::vector<double> energies(count.size(), 1.0);
+    const auto found = stoppages(times(count.size()), count, energies, {0.3, kInfinity});
+    const auto known = benchmarks::stoppages(times(count.size()), count, 0.3);
+    EXPECT_EQ(found.size(), known.count);
+    double total = 0.0;
+    for (const TimeSpan& span : found) total += span.length();
+    EXPECT_NEAR(total, known.share * 19.9, 100.0 * kRounding);  // some ten lengths out of times of 20 s
+  }
+}
+
+TEST(Stoppages, AndWindowsAreNotDecidedByARounding) {
+  std::vector<double> time, count;
+  for (int i = 0; i <= 10; ++i) {
+    time.push_back(0.1 * i);
+    count.push_back(std::min(i, 7));
+  }
+  ASSERT_LT(time[10] - time[7], 0.3);
+  EXPECT_EQ(stoppages(time, count, count, {0.3, kInfinity}).size(), 1u);
+  ASSERT_GT(time[3], 0.3);
+  EXPECT_NEAR(discharge_rate(time, count, 0.2, 0.3), 10.0, 1e-11);  // roundings of the times over 0.1 s
+}
+
 TEST(Beats, AreMaximaOfTheStatedProminence) {
   //                               5 over 2     7 over 0 (end)    6 over 4, flat
   const std::vector<double> energy{1, 3, 5, 2, 3, 2, 7, 4, 4.5, 4, 6, 6, 4.2, 0};
@@ -132,7 +161,7 @@ TEST(Beats, OfAPulsatingFlowComeWithItsPeriod) {
 }
 
 TEST(DischargeDuration, IsTheTimeOfTheLastBallOrExtrapolated) {
-  const std::vector<double> count{4, 9, 14, 24, 24};
+  const std::vector<double> count{4, 9, 20, 24, 24};
   const Duration whole = discharge_duration(times(5), count, 20.0);
   EXPECT_FALSE(whole.is_extrapolated);
   EXPECT_NEAR(whole.seconds, 0.3, kRounding);

@@ -36,7 +36,7 @@ State content(int n, Velocity&& velocity) {
 TEST(VerticalSection, SeesTheBallsOfItsSlabFromTheSide) {
   State state;
   state.add(3, Kind::content, {0.3, 2.0, 7.0}, {3.0, 4.0, -12.0}, 0.21);
-  state.add(4, Kind::wall, {-0.5, -5.0, 6.0}, Vec3::Zero(), 0.22);  // on a face
+  state.add(4, Kind::wall, {-0.4, -5.0, 6.0}, Vec3::Zero(), 0.22);
   state.add(5, Kind::content, {0.51, 1.0, 7.0}, Vec3::Zero(), 0.22);
   const auto balls = section_balls(state, {std::numbers::pi / 2.0, 1.0});  // towards y
   ASSERT_EQ(balls.size(), 2u);
@@ -50,6 +50,14 @@ TEST(VerticalSection, SeesTheBallsOfItsSlabFromTheSide) {
   EXPECT_EQ(balls[0].radius, 0.21);
   EXPECT_EQ(balls[1].kind, Kind::wall);
   EXPECT_NEAR(balls[1].along, -5.0, kRounding);
+}
+
+TEST(VerticalSection, HoldsItsFaces) {
+  State state;
+  state.add(0, Kind::content, {1.0, 0.5, 1.0}, Vec3::Zero(), 0.2);
+  state.add(1, Kind::content, {1.0, -0.5, 1.0}, Vec3::Zero(), 0.2);
+  state.add(2, Kind::content, {1.0, std::nextafter(0.5, 1.0), 1.0}, Vec3::Zero(), 0.2);
+  EXPECT_EQ(section_balls(state, {0.0, 1.0}).size(), 2u);
 }
 
 TEST(VerticalSection, TurnsWithTheContent) {
