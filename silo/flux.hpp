@@ -45,6 +45,7 @@ struct Motion {
 
 /// Content whose speed (in all directions) is above `intensive_above` and below `rest_below` [m/s]. Take them as stated
 /// shares of a mean flux speed, that of the moment or, for a time series with stoppages, that of the whole discharge.
+/// Speeds of a moment are those of the flow and of the jitter, mean_motion (velocity.hpp) leaves the flow.
 /// Both zero without content. Throws InputError unless 0 <= rest_below <= intensive_above.
 Motion motion(const core::State& state, double intensive_above, double rest_below);
 

@@ -75,6 +75,30 @@ class CoarseGraining {
 
 }  // namespace
 
+core::State mean_motion(const core::State& before, const core::State& after) {
+  const double time = after.time - before.time;
+  GC_REQUIRE(time > 0.0, "mean motion from {} s to {} s: give the earlier state first", before.time, after.time);
+  core::State mean;
+  mean.time = before.time + 0.5 * time;
+  mean.length_scale = before.length_scale;
+  for (std::size_t old = 0, now = 0; old < before.size() && now < after.size();) {
+    if (before.id[old] < after.id[now]) {
+      ++old;
+    } else if (after.id[now] < before.id[old]) {
+      ++now;
+    } else {
+      GC_REQUIRE(before.kind[old] == after.kind[now],
+                 "mean motion: ball {} is {} before and {} after; give states of one run", before.id[old],
+                 core::name(before.kind[old]), core::name(after.kind[now]));
+      const Vec3 &x0 = before.position[old], &x1 = after.position[now];
+      mean.add(before.id[old], before.kind[old], 0.5 * (x0 + x1), (x1 - x0) / time, before.radius[old]);
+      ++old;
+      ++now;
+    }
+  }
+  return mean;
+}
+
 std::vector<SectionBall> section_balls(const core::State& state, const VerticalSection& section) {
   require_thickness(section.thickness);
   const double c = std::cos(section.azimuth), s = std::sin(section.azimuth);

@@ -17,6 +17,11 @@ namespace grainclock::silo {
 
 using core::Vec3;
 
+/// The balls that are in both states, in the middle of their way and with their mean velocities, at the mean time. Content
+/// without friction jitters about as fast as it flows; over some tenths of a second the flow is left, for all measures of
+/// velocities. `before` is the earlier state of the same run, else InputError.
+core::State mean_motion(const core::State& before, const core::State& after);
+
 /// A slab around the vertical plane through the silo's axis.
 struct VerticalSection {
   double azimuth = 0.0;    // rad, of the direction in which the plane's abscissa grows; from x towards y

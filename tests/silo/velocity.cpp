@@ -78,6 +78,31 @@ TEST(VerticalSection, TurnsWithTheContent) {
   }
 }
 
+TEST(MeanMotion, IsTheWayOverTheTimeOfTheBallsThatStay) {
+  State before, after;
+  before.time = 2.0;
+  after.time = 2.5;
+  before.add(1, Kind::content, {1.0, 0.0, 3.0}, {9.0, 9.0, 9.0}, 0.2);
+  before.add(2, Kind::content, {0.0, 0.0, 0.1}, {0.0, 0.0, -5.0}, 0.2);  // leaves
+  before.add(4, Kind::content, {2.0, 0.0, 3.0}, {7.0, 0.0, 0.0}, 0.2);   // jitters
+  before.add(8, Kind::wall, {5.0, 0.0, 3.0}, Vec3::Zero(), 0.21);
+  after.add(1, Kind::content, {1.5, 0.0, 2.0}, Vec3::Zero(), 0.2);
+  after.add(3, Kind::content, {1.0, 1.0, 9.0}, Vec3::Zero(), 0.2);  // comes
+  after.add(4, Kind::content, {2.0, 0.0, 3.0}, {-7.0, 0.0, 0.0}, 0.2);
+  after.add(8, Kind::wall, {5.0, 0.0, 3.0}, Vec3::Zero(), 0.21);
+  const State mean = mean_motion(before, after);
+  EXPECT_EQ(mean.time, 2.25);
+  EXPECT_EQ(mean.id, (std::vector<core::BallId>{1, 4, 8}));
+  EXPECT_EQ(mean.position[0], Vec3(1.25, 0.0, 2.5));
+  EXPECT_EQ(mean.velocity[0], Vec3(1.0, 0.0, -2.0));
+  EXPECT_EQ(mean.velocity[1], Vec3(0.0, 0.0, 0.0));
+  EXPECT_EQ(mean.kind[2], Kind::wall);
+  EXPECT_EQ(mean.radius[2], 0.21);
+  EXPECT_THROW(mean_motion(after, before), core::InputError);
+  after.kind[0] = Kind::wall;
+  EXPECT_THROW(mean_motion(before, after), core::InputError);
+}
+
 TEST(VelocityFields, UniformFlowIsUniformUpToItsBoundary) {
   const Vec3 v(0.3, -0.2, -1.5);
   const State state = content(400, [&](const Vec3&) { return v; });
