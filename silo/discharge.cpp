@@ -68,15 +68,15 @@ std::vector<double> sliding_discharge_rate(const std::vector<double>& time, cons
 }
 
 std::vector<double> energy_per_ball(const std::vector<double>& kinetic_energy, const std::vector<double>& discharged,
-                                    const Content& content) {
-  GC_REQUIRE(kinetic_energy.size() == discharged.size() && content.ball_energy > 0.0,
+                                    const EnergyScale& scale) {
+  GC_REQUIRE(kinetic_energy.size() == discharged.size() && scale.ball_energy > 0.0,
              "energy per ball: {} energies and {} counts, {} J for a ball; give as many of both, and m g r above 0 J",
-             kinetic_energy.size(), discharged.size(), content.ball_energy);
+             kinetic_energy.size(), discharged.size(), scale.ball_energy);
   std::vector<double> energies;
   for (std::size_t i = 0; i < kinetic_energy.size(); ++i) {
-    const double left = content.balls - discharged[i];
-    GC_REQUIRE(left >= 0.0, "energy per ball: {} balls have left of {}", discharged[i], content.balls);
-    energies.push_back(left > 0.0 ? kinetic_energy[i] / (left * content.ball_energy) : 0.0);
+    const double left = scale.balls - discharged[i];
+    GC_REQUIRE(left >= 0.0, "energy per ball: {} balls have left of {}", discharged[i], scale.balls);
+    energies.push_back(left > 0.0 ? kinetic_energy[i] / (left * scale.ball_energy) : 0.0);
   }
   return energies;
 }

@@ -21,8 +21,8 @@ double discharge_rate(const std::vector<double>& time, const std::vector<double>
 std::vector<double> sliding_discharge_rate(const std::vector<double>& time, const std::vector<double>& discharged,
                                            double width);
 
-/// The content that a discharge begins with.
-struct Content {
+/// What kinetic energies of a discharge are measured by.
+struct EnergyScale {
   double balls = 0.0;        // that are there at a count of zero
   double ball_energy = 0.0;  // J, m g r of a mean ball: weight times radius
 };
@@ -30,7 +30,7 @@ struct Content {
 /// Kinetic energy per ball that is still there, in units of m g r; zero when none is. Throws InputError if more balls left
 /// than there were or ball_energy is not above 0.
 std::vector<double> energy_per_ball(const std::vector<double>& kinetic_energy, const std::vector<double>& discharged,
-                                    const Content& content);
+                                    const EnergyScale& scale);
 
 struct TimeSpan {
   double from, to;  // s
