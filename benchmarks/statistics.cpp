@@ -1,126 +1,42 @@
 #include "benchmarks/statistics.hpp"
 
 #include "core/check.hpp"
+#include "silo/discharge.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <iterator>
 #include <limits>
-#include <numbers>
 
 namespace grainclock::benchmarks {
 namespace {
-
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-constexpr double kTwoSided95 = 0.975;  // quantile of a two-sided interval of 95 %
-
-/// Student's t written as t = sqrt(freedom) tan(angle): its density by angle, but for a constant. It falls as the angle
-/// grows.
-double density(double angle, double freedom) { return std::pow(std::cos(angle), freedom - 1.0); }
-
-/// Integral of the density from 0 to this angle, by Simpson's rule.
-double integral_up_to(double angle, double freedom) {
-  constexpr int kIntervals = 400;
-  const double h = angle / kIntervals;
-  double sum = density(0.0, freedom) + density(angle, freedom);
-  for (int i = 1; i < kIntervals; ++i) sum += (i % 2 == 1 ? 4.0 : 2.0) * density(i * h, freedom);
-  return sum * h / 3.0;
-}
-
-std::vector<double> known(const std::vector<double>& values) {
-  std::vector<double> left;
-  std::copy_if(values.begin(), values.end(), std::back_inserter(left), [](double value) { return !std::isnan(value); });
-  return left;
-}
-
-/// Square of the mean's standard error; `values` are known ones, at least two.
-double squared_error(const std::vector<double>& values) {
-  const double centre = mean(values), n = static_cast<double>(values.size());
-  double sum = 0.0;
-  for (const double value : values) sum += (value - centre) * (value - centre);
-  return sum / (n - 1.0) / n;
-}
-
-Interval interval(std::size_t n, double centre, double squared, double freedom) {
-  const double half = squared > 0.0 ? student_t(kTwoSided95, freedom) * std::sqrt(squared) : 0.0;
-  return {n, centre, centre - half, centre + half};
-}
-
-void require_series(const std::vector<double>& time, const std::vector<double>& discharged) {
-  GC_REQUIRE(time.size() == discharged.size() && time.size() >= 2 && time.front() < time.back(),
-             "discharge: {} times and {} counts; give as many of both, at least two, over some time", time.size(),
-             discharged.size());
-}
-
 }  // namespace
 
-double student_t(double p, double freedom) {
-  GC_REQUIRE(p > 0.0 && p < 1.0 && freedom >= 1.0 && freedom <= 1e6,
-             "Student's t at p = {} with {} degrees of freedom: give p between 0 and 1, and 1 to 1e6 degrees", p, freedom);
-  if (p < 0.5) return -student_t(1.0 - p, freedom);
-  const double whole =  // from -pi/2 to pi/2
-      std::sqrt(std::numbers::pi) * std::exp(std::lgamma(freedom / 2.0) - std::lgamma((freedom + 1.0) / 2.0));
-  // Newton's method: the integral is concave, so steps from below never pass the root.
-  constexpr int kMostSteps = 100;
-  constexpr double kSmallStep = 1e-13;
-  double angle = 0.0, by = 1.0;
-  for (int step = 0; step < kMostSteps && by > kSmallStep * angle; ++step) {
-    by = ((p - 0.5) * whole - integral_up_to(angle, freedom)) / density(angle, freedom);
-    angle += by;
-  }
-  return std::sqrt(freedom) * std::tan(angle);
-}
-
-double mean(const std::vector<double>& values) {
-  double sum = 0.0;
-  std::size_t n = 0;
-  for (const double value : values) {
-    if (std::isnan(value)) continue;
-    sum += value;
-    ++n;
-  }
-  return n > 0 ? sum / static_cast<double>(n) : kUnknown;
-}
-
-Interval mean_interval(const std::vector<double>& values) {
-  const std::vector<double> left = known(values);
-  const std::size_t n = left.size();
-  if (n < 2) return {n, mean(left), kUnknown, kUnknown};
-  return interval(n, mean(left), squared_error(left), static_cast<double>(n - 1));
-}
-
 Interval difference_interval(const std::vector<double>& a, const std::vector<double>& b) {
-  const std::vector<double> known_a = known(a), known_b = known(b);
+  const std::vector<double> known_a = silo::known(a), known_b = silo::known(b);
   const std::size_t n = std::min(known_a.size(), known_b.size());
   const double difference = mean(known_a) - mean(known_b);
   if (n < 2) return {n, difference, kUnknown, kUnknown};
-  const double error_a = squared_error(known_a), error_b = squared_error(known_b), both = error_a + error_b;
+  const double error_a = silo::squared_error(known_a), error_b = silo::squared_error(known_b), both = error_a + error_b;
   // Welch and Satterthwaite's freedom, between that of the smaller group and that of both together.
   const double freedom = both * both /
                          (error_a * error_a / static_cast<double>(known_a.size() - 1) +
                           error_b * error_b / static_cast<double>(known_b.size() - 1));
-  return interval(n, difference, both, freedom);
+  return silo::interval(n, difference, both, freedom);
 }
 
 double discharge_rate(const std::vector<double>& time, const std::vector<double>& discharged) {
-  require_series(time, discharged);
-  return (discharged.back() - discharged.front()) / (time.back() - time.front());
+  GC_REQUIRE(!time.empty(), "discharge rate of an empty series: give two samples at least");
+  return silo::discharge_rate(time, discharged, time.front(), time.back());
 }
 
 Stoppages stoppages(const std::vector<double>& time, const std::vector<double>& discharged, double at_least) {
-  require_series(time, discharged);
-  GC_REQUIRE(at_least > 0.0, "stoppages of at least {} s: must be above 0 s", at_least);
-  // Times are multiples of the sampling; a rounding must not decide.
-  constexpr double kGuard = 1.0 - 1e-9;
+  // However much the content stirs: only the count decides.
+  const std::vector<double> calm(time.size(), 0.0);
   Stoppages found;
   double total = 0.0;
-  for (std::size_t first = 0, last = 0; first < time.size(); first = last + 1) {
-    last = first;
-    while (last + 1 < time.size() && discharged[last + 1] == discharged[first]) ++last;
-    const double length = time[last] - time[first];
-    if (length < kGuard * at_least) continue;
+  for (const silo::TimeSpan& span : silo::stoppages(time, discharged, calm, {at_least})) {
     ++found.count;
-    total += length;
+    total += span.length();
   }
   found.mean_length = found.count > 0 ? total / static_cast<double>(found.count) : kUnknown;
   found.share = total / (time.back() - time.front());

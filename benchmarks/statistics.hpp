@@ -5,31 +5,20 @@
 // involved", Biometrika 34 (1947) 28-35.
 #pragma once
 
+#include "silo/confidence.hpp"
+
 #include <cstddef>
 #include <vector>
 
 namespace grainclock::benchmarks {
 
-/// Quantile of Student's t: the value below which the share `p` in (0, 1) of it lies, at `freedom` from 1 to 1e6 degrees
-/// (any real number). To nine digits for p from 0.001 to 0.999. Throws InputError outside these ranges.
-double student_t(double p, double freedom);
+using silo::Interval;
+using silo::mean;
+using silo::mean_interval;
 
-/// A mean with its two-sided 95 % confidence interval.
-struct Interval {
-  std::size_t n = 0;             // values that are known
-  double mean = 0.0;             // nan without values
-  double low = 0.0, high = 0.0;  // nan below two values: nothing is known of their spread
-  bool contains(double value) const { return low <= value && value <= high; }
-};
-
-/// Mean of independent values of unknown spread (Student's t).
-Interval mean_interval(const std::vector<double>& values);
 /// Difference of the means of two independent groups whose spreads may differ (Welch's t); n is the smaller group's.
 /// The groups agree if it contains zero; how much they could differ unseen is its width.
 Interval difference_interval(const std::vector<double>& a, const std::vector<double>& b);
-
-/// Mean of the known values; nan if there is none.
-double mean(const std::vector<double>& values);
 
 /// Balls per second [1/s]: the balls counted from the first to the last sample, over the time between the two. `time`
 /// increases [s], `discharged` counts the balls that have left until then. Throws InputError below two samples.

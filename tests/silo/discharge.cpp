@@ -1,8 +1,6 @@
 #include "silo/discharge.hpp"
 
-#include "benchmarks/statistics.hpp"
 #include "core/check.hpp"
-#include "silo/random.hpp"
 
 #include <gtest/gtest.h>
 
@@ -54,7 +52,7 @@ TEST(EnergyPerBall, IsThatOfTheBallsStillThere) {
 }
 
 TEST(Stoppages, AreRunsOfOneCountAsInTheStatistics) {
-  // The case of the statistics' own test: 0.2 s, 0.1 s, 0.4 s, and 0.2 s at the end.
+  // The case of benchmarks' own test: 0.2 s, 0.1 s, 0.4 s, and 0.2 s at the end.
   const std::vector<double> count{3, 3, 3, 5, 6, 6, 9, 12, 12, 12, 12, 12, 15, 20, 20, 20};
   const std::vector<double> energies(count.size(), 1.0);
   const auto found = stoppages(times(count.size()), count, energies, {0.2, kInfinity});
@@ -87,21 +85,6 @@ TEST(Stoppages, ABallThatLeavesEndsOneHoweverCalmTheContent) {
   EXPECT_TRUE(stoppages(times(7), {1, 2, 3, 4, 5, 6, 7}, calm, {0.1}).empty());
   EXPECT_THROW(stoppages(times(7), calm, calm, {0.0}), core::InputError);
   EXPECT_THROW(stoppages(times(7), calm, {1.0}, {0.1}), core::InputError);
-}
-
-TEST(Stoppages, AgreeWithTheStatisticsOnAnySeries) {
-  Random random(5, 0);
-  for (int trial = 0; trial < 50; ++trial) {
-    std::vector<double> count{0.0};
-    while (count.size() < 200) count.push_back(count.back() + std::floor(random.between(0.0, 1.6)));
-    const std::vector<double> energies(count.size(), 1.0);
-    const auto found = stoppages(times(count.size()), count, energies, {0.3, kInfinity});
-    const auto known = benchmarks::stoppages(times(count.size()), count, 0.3);
-    EXPECT_EQ(found.size(), known.count);
-    double total = 0.0;
-    for (const TimeSpan& span : found) total += span.length();
-    EXPECT_NEAR(total, known.share * 19.9, 100.0 * kRounding);  // some ten lengths out of times of 20 s
-  }
 }
 
 TEST(Stoppages, AndWindowsAreNotDecidedByARounding) {
