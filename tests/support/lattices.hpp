@@ -14,13 +14,12 @@ struct Lattice {
   core::Vec3 edges;
   std::vector<core::Vec3> places;  // as shares of the edges
   double density;                  // packing fraction
-  double q6;                       // of the bonds to the nearest balls (bcc: the nearest 14)
+  double q6;                       // of the bonds to the nearest balls (bcc: the nearest 14), rounded to 7 digits
 };
 
 inline Lattice simple_cubic() {
   return {{1.0, 1.0, 1.0}, {{0.0, 0.0, 0.0}}, std::numbers::pi / 6.0, std::sqrt(2.0) / 4.0};
 }
-/// Its 6 + 8 bonds: along an axis P6 = 1, 0 or 1 among the 6; their sum stands in closed form in tests of order.
 inline Lattice body_centred() {
   const double a = 2.0 / std::sqrt(3.0);
   return {{a, a, a}, {{0.0, 0.0, 0.0}, {0.5, 0.5, 0.5}}, std::numbers::pi * std::sqrt(3.0) / 8.0, 0.5106882};
