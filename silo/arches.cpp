@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <numeric>
 
@@ -34,7 +35,8 @@ bool holds(const Vec3& a, const Vec3& b) {
   return std::abs(cross(a, b)) <= kRounding && lb * a[2] + la * b[2] < -kRounding;
 }
 
-/// The weights with which the horizontal parts of three directions cancel have one sign; with them the heights add up to less than 0.
+/// The weights with which the horizontal parts of three directions cancel have one sign, and with them the heights add up
+/// to less than 0.
 bool holds(const Vec3& a, const Vec3& b, const Vec3& c) {
   Vec3 weight(cross(b, c), cross(c, a), cross(a, b));
   if (weight.sum() < 0.0) weight = -weight;
@@ -85,11 +87,9 @@ Support support_of(const State& state, std::span<const Touch> touches, Choice ch
 
 // ------------------------------------------------------------- bridges
 
-using Bonds = std::vector<std::pair<std::size_t, std::size_t>>;
-
 /// Pairs of places of balls that support each other.
-Bonds mutual_bonds(const State& state, const std::vector<Support>& support) {
-  Bonds bonds;
+Links mutual_bonds(const State& state, const std::vector<Support>& support) {
+  Links bonds;
   for (std::size_t ball = 0; ball < support.size(); ++ball)
     for (const BallId by : support[ball].balls()) {
       const std::size_t other = place_of(state, by);
@@ -112,7 +112,8 @@ Vec3 mean_of(const std::vector<Vec3>& points) {
 void add_shape(Bridge& bridge, const std::vector<Vec3>& points, double mean_radius) {
   const Vec3 centre = mean_of(points);
   Eigen::Matrix3d gyration = Eigen::Matrix3d::Zero();
-  for (const Vec3& point : points) gyration += (point - centre) * (point - centre).transpose() / static_cast<double>(points.size());
+  for (const Vec3& point : points)
+    gyration += (point - centre) * (point - centre).transpose() / static_cast<double>(points.size());
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solved(gyration);
   bridge.gyration = solved.eigenvalues().cwiseMax(0.0);  // rounding can leave -1e-17
   constexpr double kFlat = 0.5;                          // mean radii
@@ -150,7 +151,8 @@ Bridge bridge_of(const State& state, const std::vector<Support>& support, const 
   add_bases(bridge, state, support, places);
 
   std::vector<Vec3> points = centres(state, places);
-  const auto [lowest, highest] = std::minmax_element(points.begin(), points.end(), [](const Vec3& a, const Vec3& b) { return a[2] < b[2]; });
+  const auto is_lower = [](const Vec3& a, const Vec3& b) { return a[2] < b[2]; };
+  const auto [lowest, highest] = std::minmax_element(points.begin(), points.end(), is_lower);
   bridge.height = (*highest)[2] - (*lowest)[2];
   add_shape(bridge, points, radius);
   for (Vec3& point : points) point[2] = 0.0;
@@ -165,12 +167,14 @@ std::vector<std::size_t> content_upward(const State& state) {
   std::vector<std::size_t> places;
   for (std::size_t ball = 0; ball < state.size(); ++ball)
     if (state.kind[ball] == Kind::content) places.push_back(ball);
-  std::sort(places.begin(), places.end(), [&state](std::size_t a, std::size_t b) { return state.position[a][2] < state.position[b][2]; });
+  const auto is_lower = [&state](std::size_t a, std::size_t b) { return state.position[a][2] < state.position[b][2]; };
+  std::sort(places.begin(), places.end(), is_lower);
   return places;
 }
 
 /// How much higher a ball is than the horizontally nearest member [m]; 0 if their shadows do not overlap.
-double height_over(const State& state, const std::vector<std::size_t>& members, const std::vector<Vec3>& where, std::size_t ball) {
+double height_over(const State& state, const std::vector<std::size_t>& members, const std::vector<Vec3>& where,
+                   std::size_t ball) {
   std::size_t nearest = 0;
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < where.size(); ++k) {
@@ -214,7 +218,7 @@ std::vector<Support> supports(const State& state, const std::vector<core::Contac
 std::vector<Bridge> bridges(const State& state, const std::vector<Support>& support) {
   GC_REQUIRE(support.size() == state.size(), "{} supports for {} balls: pass what supports() gave for this state", support.size(),
              state.size());
-  const Bonds bonds = mutual_bonds(state, support);
+  const Links bonds = mutual_bonds(state, support);
   std::vector<int> bonds_of(state.size(), 0);
   for (const auto& [a, b] : bonds) ++bonds_of[a], ++bonds_of[b];
   std::vector<Bridge> out;

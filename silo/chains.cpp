@@ -37,7 +37,7 @@ std::vector<Load> loads(const State& state, const ContactGraph& graph) {
   return out;
 }
 
-std::vector<std::pair<std::size_t, std::size_t>> chain_links(const State& state, const ContactGraph& graph) {
+Links chain_links(const State& state, const ContactGraph& graph) {
   const std::vector<Load> load = loads(state, graph);
   double mean = 0.0;
   for (const Load& its : load) mean += its.stress;
@@ -47,7 +47,7 @@ std::vector<std::pair<std::size_t, std::size_t>> chain_links(const State& state,
   const auto bears_along = [&](std::size_t ball, const Vec3& line) {
     return load[ball].stress > mean && std::abs(load[ball].direction.dot(line)) >= kAligned;
   };
-  std::vector<std::pair<std::size_t, std::size_t>> links;
+  Links links;
   for (std::size_t ball = 0; ball < state.size(); ++ball)
     for (const Touch& touch : graph.of(ball))
       if (ball < touch.other && touch.push > 0.0 && bears_along(ball, touch.towards) && bears_along(touch.other, touch.towards))

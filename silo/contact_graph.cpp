@@ -35,16 +35,17 @@ ContactGraph::ContactGraph(const core::State& state, const std::vector<core::Con
     touches_[next[i]++] = {j, towards, push};
     touches_[next[j]++] = {i, -towards, push};
   }
-  for (std::size_t ball = 0; ball < state.size(); ++ball)
-    std::sort(touches_.begin() + static_cast<std::ptrdiff_t>(begin_[ball]), touches_.begin() + static_cast<std::ptrdiff_t>(begin_[ball + 1]),
-              [](const Touch& a, const Touch& b) { return a.other < b.other; });
+  for (std::size_t ball = 0; ball < state.size(); ++ball) {
+    const std::span<Touch> its = std::span(touches_).subspan(begin_[ball], begin_[ball + 1] - begin_[ball]);
+    std::sort(its.begin(), its.end(), [](const Touch& a, const Touch& b) { return a.other < b.other; });
+  }
 }
 
 std::span<const Touch> ContactGraph::of(std::size_t ball) const {
   return std::span(touches_).subspan(begin_[ball], begin_[ball + 1] - begin_[ball]);
 }
 
-std::vector<std::vector<std::size_t>> connected_sets(std::size_t n, const std::vector<std::pair<std::size_t, std::size_t>>& links) {
+std::vector<std::vector<std::size_t>> connected_sets(std::size_t n, const Links& links) {
   std::vector<std::size_t> parent(n);
   std::iota(parent.begin(), parent.end(), std::size_t{0});
   const auto root = [&parent](std::size_t k) {

@@ -37,9 +37,12 @@ class ContactGraph {
 /// Place of a ball in the state. Throws InputError if it is not there.
 std::size_t place_of(const core::State& state, core::BallId ball);
 
+/// Pairs of numbers, of places in a state.
+using Links = std::vector<std::pair<std::size_t, std::size_t>>;
+
 /// Sets of at least two of the numbers below n that these links connect, directly or through others; each set increasing,
 /// the sets in the order of their smallest numbers.
-std::vector<std::vector<std::size_t>> connected_sets(std::size_t n, const std::vector<std::pair<std::size_t, std::size_t>>& links);
+std::vector<std::vector<std::size_t>> connected_sets(std::size_t n, const Links& links);
 
 /// Largest distance between two of the points [m]; 0 for fewer than two. Time: square of their number.
 double widest(const std::vector<Vec3>& points);

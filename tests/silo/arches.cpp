@@ -107,7 +107,8 @@ ForceNetwork make_dome(double elevation) {
   for (int k = 0; k < 3; ++k) {
     const double azimuth = 2.0 * std::numbers::pi * k / 3.0;
     outward.emplace_back(std::cos(azimuth), std::sin(azimuth), 0.0);
-    net.add(Kind::content, Vec3(0.0, 0.0, 5.0) + 2.0 * kR * (std::cos(elevation) * outward.back() - std::sin(elevation) * Vec3::UnitZ()), kR);
+    const Vec3 down_to_it = std::cos(elevation) * outward.back() - std::sin(elevation) * Vec3::UnitZ();
+    net.add(Kind::content, Vec3(0.0, 0.0, 5.0) + 2.0 * kR * down_to_it, kR);
   }
   for (BallId k = 1; k <= 3; ++k) {
     net.push(0, k, thrust);
@@ -196,7 +197,8 @@ TEST(Arches, HeapLaidBallByBallHasNone) {
   net.add(Kind::content, {0.0, 0.0, 1.0}, kR);
   for (int k = 0; k < 3; ++k) {
     const double azimuth = 2.0 * std::numbers::pi * k / 3.0;
-    net.add(Kind::content, Vec3(0.0, 0.0, 1.0) + 2.0 * kR * Vec3(std::cos(kDown) * std::cos(azimuth), std::cos(kDown) * std::sin(azimuth), -std::sin(kDown)), kR);
+    const Vec3 down_to_it(std::cos(kDown) * std::cos(azimuth), std::cos(kDown) * std::sin(azimuth), -std::sin(kDown));
+    net.add(Kind::content, Vec3(0.0, 0.0, 1.0) + 2.0 * kR * down_to_it, kR);
   }
   for (BallId k = 1; k <= 3; ++k) {
     net.push(0, k, kWeight / (3.0 * std::sin(kDown)));
@@ -234,7 +236,7 @@ TEST(Arches, WhatDoesNotEncloseDoesNotHold) {
   EXPECT_EQ(held({{a, 1.0}, {b, 1.0}, {c, -1.0}}), 0);                                // one pulls
   EXPECT_EQ(held({{a, 0.0}, {b, 1.0}, {c, 1.0}}), 0);                                 // one does nothing
   EXPECT_EQ(held({{Vec3(1.0, 0.0, -0.5), 1.0}, {b, 1.0}, {c, 1.0}}), 3);              // one sits above the centre
-  EXPECT_EQ(held({{Vec3(1.0, 0.0, -0.5), 9.0}, {b, 1.0}, {c, 1.0}}), 0);              // and pushes the ball down on the whole
+  EXPECT_EQ(held({{Vec3(1.0, 0.0, -0.5), 9.0}, {b, 1.0}, {c, 1.0}}), 0);              // and all push the ball down
   EXPECT_EQ(held({{Vec3(1.0, 0.0, -2.0), 0.1}, {b, 1.0}, {c, 1.0}}), 0);              // so high that the vertical meets them above
 }
 
@@ -243,7 +245,8 @@ TEST(Arches, ChoiceDecidesBetweenSeveralSupports) {
   net.add(Kind::content, Vec3::Zero(), kR);
   for (int k = 0; k < 6; ++k) {  // in turn a steep one that bears little and a shallow one that bears much
     const double azimuth = std::numbers::pi * k / 3.0, down = k % 2 == 0 ? 1.0 : 0.4;
-    net.hold(Kind::wall, 0, {-std::cos(down) * std::cos(azimuth), -std::cos(down) * std::sin(azimuth), std::sin(down)}, k % 2 == 0 ? 1.0 : 10.0);
+    const Vec3 up(-std::cos(down) * std::cos(azimuth), -std::cos(down) * std::sin(azimuth), std::sin(down));
+    net.hold(Kind::wall, 0, up, k % 2 == 0 ? 1.0 : 10.0);
   }
   EXPECT_EQ(supports(net.state, net.contacts, Choice::lowest)[0].by, (std::array<BallId, 3>{1, 3, 5}));
   EXPECT_EQ(supports(net.state, net.contacts, Choice::strongest)[0].by, (std::array<BallId, 3>{2, 4, 6}));
@@ -297,7 +300,9 @@ TEST(Arches, SupportsAndBridgesAgreeWithBruteForce) {
       expected.push_back(moves ? brute_support(net, net.state.id[k]) : std::vector<BallId>{});
       EXPECT_EQ(std::vector<BallId>(support[k].balls().begin(), support[k].balls().end()), expected[k]) << k;
     }
-    const auto rests_on = [&](std::size_t a, std::size_t b) { return std::count(expected[a].begin(), expected[a].end(), static_cast<BallId>(b)) > 0; };
+    const auto rests_on = [&](std::size_t a, std::size_t b) {
+      return std::count(expected[a].begin(), expected[a].end(), static_cast<BallId>(b)) > 0;
+    };
     std::vector<std::pair<std::size_t, std::size_t>> bonds;
     for (std::size_t a = 0; a < net.state.size(); ++a)
       for (std::size_t b = 0; b < a; ++b)
