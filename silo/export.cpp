@@ -4,10 +4,14 @@
 #include "core/files.hpp"
 #include "core/materials.hpp"
 #include "core/snapshot.hpp"
+#include "silo/paraview.hpp"
 #include "silo/run_file.hpp"
+#include "silo/vtp.hpp"
 
+#include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <limits>
 
 namespace grainclock::silo {
@@ -33,40 +37,21 @@ Box box_of(const State& state) {
   return box;
 }
 
-/// The arrays of a VTK file, one after the other behind the XML, each with its length before it.
-class Appended {
- public:
-  /// Adds an array and gives the XML element that refers to it.
-  template <class T>
-  std::string add(const char* type, const char* name, std::size_t components, const std::vector<T>& values) {
-    const std::string element = fmt::format("<DataArray type=\"{}\" Name=\"{}\" NumberOfComponents=\"{}\" format=\"appended\" offset=\"{}\"/>\n",
-                                            type, name, components, bytes_.size());
-    const std::uint64_t length = values.size() * sizeof(T);
-    append(&length, sizeof length);
-    append(values.data(), length);
-    return element;
-  }
-  const std::string& bytes() const { return bytes_; }
-
- private:
-  void append(const void* data, std::size_t length) { bytes_.append(static_cast<const char*>(data), length); }
-  std::string bytes_;
-};
-
-std::string pvd_text(const std::vector<std::pair<double, std::string>>& files) {
-  std::string text = "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n";
-  for (const auto& [time, file] : files) text += fmt::format("<DataSet timestep=\"{:.17g}\" file=\"{}\"/>\n", time, file);
-  return text + "</Collection>\n</VTKFile>\n";
-}
-
 double density_of(const RunReader& run) { return run.scene()["material"]["density"].value_or(core::Materials{}.density); }
 
+/// Frame after frame: the dump of a long run does not fit into memory.
+void write_whole_dump(const RunReader& run, const std::string& path) {
+  core::AsideFile aside(path);
+  std::ofstream out(aside.part(), std::ios::binary);
+  if (!out) throw core::FileError(fmt::format("{}: cannot be written: {}", path, std::strerror(errno)));
+  for (std::int64_t frame = 0; frame < run.frames(); ++frame) out << lammps_dump_text(run.state(frame), run.step(frame));
+  out.close();
+  if (!out) throw core::FileError(fmt::format("{}: cannot be written in full: is the disk full?", path));
+  aside.commit();
+}
+
 void export_all(const RunReader& run, const ExportOptions& options) {
-  if (options.format == Format::lammps_dump) {
-    std::string text;
-    for (std::int64_t frame = 0; frame < run.frames(); ++frame) text += lammps_dump_text(run.state(frame), run.step(frame));
-    return core::write_text(options.output, text);
-  }
+  if (options.format == Format::lammps_dump) return write_whole_dump(run, options.output);
   std::vector<std::pair<double, std::string>> files;
   for (std::int64_t frame = 0; frame < run.frames(); ++frame) {
     const State state = run.state(frame);
@@ -86,27 +71,16 @@ void require_extension(const std::string& output, const std::string& wanted, con
 }  // namespace
 
 std::string vtp_text(const State& state) {
-  const std::size_t n = state.size();
-  std::vector<double> position, velocity;
   std::vector<std::uint8_t> kind, level = state.level;
-  std::vector<std::int64_t> connectivity, offsets;
-  level.resize(n, 0);
-  for (std::size_t i = 0; i < n; ++i) {
-    position.insert(position.end(), state.position[i].data(), state.position[i].data() + 3);
-    velocity.insert(velocity.end(), state.velocity[i].data(), state.velocity[i].data() + 3);
-    kind.push_back(static_cast<std::uint8_t>(state.kind[i]));
-    connectivity.push_back(static_cast<std::int64_t>(i));
-    offsets.push_back(static_cast<std::int64_t>(i) + 1);
-  }
-  Appended data;
-  std::string text = "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n<PolyData>\n";
-  text += "<FieldData>\n" + data.add("Float64", "TimeValue", 1, std::vector{state.time}) + "</FieldData>\n";
-  text += fmt::format("<Piece NumberOfPoints=\"{0}\" NumberOfVerts=\"{0}\">\n<PointData>\n", n);
-  text += data.add("Int64", "id", 1, state.id) + data.add("UInt8", "kind", 1, kind) + data.add("Float64", "radius", 1, state.radius);
-  text += data.add("Float64", "velocity", 3, velocity) + data.add("UInt8", "level", 1, level) + "</PointData>\n";
-  text += "<Points>\n" + data.add("Float64", "position", 3, position) + "</Points>\n";
-  text += "<Verts>\n" + data.add("Int64", "connectivity", 1, connectivity) + data.add("Int64", "offsets", 1, offsets) + "</Verts>\n";
-  return text + "</Piece>\n</PolyData>\n<AppendedData encoding=\"raw\">\n_" + data.bytes() + "\n</AppendedData>\n</VTKFile>\n";
+  for (const core::Kind its : state.kind) kind.push_back(static_cast<std::uint8_t>(its));
+  level.resize(state.size(), 0);
+  Vtp vtp(Vtp::Cells::vertices, state.time, state.position);
+  vtp.add("id", state.id);
+  vtp.add("kind", kind);
+  vtp.add("radius", state.radius);
+  vtp.add("velocity", state.velocity);
+  vtp.add("level", level);
+  return vtp.text();
 }
 
 std::string lammps_data_text(const State& state, double density) {
@@ -142,14 +116,19 @@ void export_file(const std::string& path, const ExportOptions& options) {
   if (options.format == Format::vtk) require_extension(options.output, options.all ? ".pvd" : ".vtp", options.all ? "a series" : "one frame");
   if (options.format == Format::csv) require_extension(options.output, ".csv", "a table");
   const bool is_a_run = fs::is_directory(path) || (fs::path(path).extension() == ".h5" && is_run(path));
+  GC_REQUIRE(!options.all || !options.at, "give either --all or --at, not both");
+  if (options.format == Format::paraview) {
+    GC_REQUIRE(is_a_run, "{}: is not the file of a run, and contacts come from a run's scene; --to vtk shows the balls alone", path);
+    return export_paraview(RunReader(path), options.output, options.at);
+  }
   if (options.all) {
-    GC_REQUIRE(options.format == Format::vtk || options.format == Format::lammps_dump, "--all goes with --to vtk or lammps-dump");
+    GC_REQUIRE(options.format == Format::vtk || options.format == Format::lammps_dump, "--all goes with --to vtk, paraview or lammps-dump");
     GC_REQUIRE(is_a_run, "{}: holds one moment only; --all goes with the file of a run", path);
-    GC_REQUIRE(!options.at, "give either --all or --at, not both");
     return export_all(RunReader(path), options);
   }
   const State state = read_moment(path, options.at);
   switch (options.format) {
+    case Format::paraview: break;  // done above
     case Format::vtk: return core::write_text(options.output, vtp_text(state));
     case Format::csv: return core::write_state(options.output, state);
     case Format::lammps_dump: {

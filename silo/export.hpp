@@ -9,12 +9,12 @@
 
 namespace grainclock::silo {
 
-enum class Format { vtk, lammps_data, lammps_dump, csv };
+enum class Format { vtk, paraview, lammps_data, lammps_dump, csv };
 
 struct ExportOptions {
   Format format;
-  std::string output;
-  std::optional<double> at;  // s; default: the last frame
+  std::string output;        // a file; for paraview a new directory (see paraview.hpp)
+  std::optional<double> at;  // s; default: the last frame, for paraview all of them
   bool all = false;          // every frame of a run: .pvd with .vtp files beside it, or one dump
 };
 
