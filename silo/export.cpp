@@ -7,6 +7,7 @@
 #include "silo/paraview.hpp"
 #include "silo/run_file.hpp"
 #include "silo/vtp.hpp"
+#include "silo/wall_pressure.hpp"
 
 #include <cerrno>
 #include <cstring>
@@ -38,6 +39,18 @@ Box box_of(const State& state) {
 }
 
 double density_of(const RunReader& run) { return run.scene()["material"]["density"].value_or(core::Materials{}.density); }
+
+/// Pressure on every wall ball [Pa]; other balls have none.
+std::vector<double> pressures(const State& state, const std::vector<core::Contact>& contacts) {
+  std::vector<double> pressure(state.size(), std::numeric_limits<double>::quiet_NaN());
+  // Its shape tells where a ball is on the unfolded wall, which does not matter here: any will do.
+  std::size_t ball = 0;  // loads are in order of id too
+  for (const WallLoad& load : wall_loads(state, contacts, SiloShape{})) {
+    while (state.id[ball] != load.id) ++ball;
+    pressure[ball] = load.pressure();
+  }
+  return pressure;
+}
 
 /// Frame after frame: the dump of a long run does not fit into memory.
 void write_whole_dump(const RunReader& run, const std::string& path) {
@@ -119,7 +132,7 @@ void export_file(const std::string& path, const ExportOptions& options) {
   GC_REQUIRE(!options.all || !options.at, "give either --all or --at, not both");
   if (options.format == Format::paraview) {
     GC_REQUIRE(is_a_run, "{}: is not the file of a run, and contacts come from a run's scene; --to vtk shows the balls alone", path);
-    return export_paraview(RunReader(path), options.output, options.at);
+    return export_paraview(RunReader(path), options.output, options.at, pressures);
   }
   if (options.all) {
     GC_REQUIRE(options.format == Format::vtk || options.format == Format::lammps_dump, "--all goes with --to vtk, paraview or lammps-dump");

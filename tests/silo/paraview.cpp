@@ -249,6 +249,30 @@ TEST_F(ParaviewRun, PressureMakesTheWallASeriesWithThePlugWhileTheOutletIsClosed
   }
 }
 
+TEST_F(ParaviewRun, ProgramWritesTheHorizontalForceOverTheSquareAroundEachWallBall) {
+  export_file(path_, {Format::paraview, out_, std::nullopt, false});
+  for (std::size_t k = 0; k < frames(); ++k) {
+    const Content fixed = file("wall", k), contacts = file("contacts", k);
+    const auto &id = fixed.arrays.at("PointData/id"), &radius = fixed.arrays.at("PointData/radius"), &pressure = fixed.arrays.at("PointData/pressure"),
+               &force = contacts.arrays.at("CellData/normal_force"), &ends = contacts.arrays.at("Points/position"),
+               &second = contacts.arrays.at("CellData/second");
+    for (std::size_t i = 0; i < id.size(); ++i) {
+      if (fixed.arrays.at("PointData/kind")[i] == 2.0) {  // the plug is no part of the wall
+        EXPECT_TRUE(std::isnan(pressure[i]));
+        continue;
+      }
+      double x = 0.0, y = 0.0, largest = 0.0;
+      for (std::size_t c = 0; c < force.size(); ++c) {
+        if (second[c] != id[i]) continue;
+        const Vec3 n = (Vec3(&ends[6 * c + 3]) - Vec3(&ends[6 * c])).normalized();
+        x += force[c] * n[0], y += force[c] * n[1], largest = std::max(largest, std::abs(force[c]));
+      }
+      const double area = 4.0 * radius[i] * radius[i];
+      EXPECT_NEAR(pressure[i], std::hypot(x, y) / area, 1e-12 * largest / area);  // rounding
+    }
+  }
+}
+
 TEST_F(ParaviewRun, OneFrameIsTheOneAskedFor) {
   export_it(0.2);
   const auto listed = entries(fs::path(out_) / "balls.pvd");
