@@ -8,6 +8,7 @@
 #include "silo/export.hpp"
 #include "silo/import.hpp"
 #include "silo/info.hpp"
+#include "silo/measure.hpp"
 #include "silo/provenance.hpp"
 #include "silo/run.hpp"
 
@@ -41,6 +42,7 @@ struct Options {
   std::vector<std::string> overrides;
   silo::RunOptions run;
   silo::ExportOptions exported{};
+  silo::MeasureOptions measured;
   benchmarks::CompareOptions compared;
   StudyOptions study;
   bool json = false;
@@ -131,6 +133,14 @@ void add_commands(CLI::App& app, Options& o) {
   exported->add_option("--output", o.exported.output, "File to write; for paraview a new directory")->required();
   exported->add_option("--at", o.exported.at, "Time in s (default: the last frame; for paraview every frame)");
   exported->add_flag("--all", o.exported.all, "Every frame of the run (vtk, lammps-dump; paraview does it anyway)");
+
+  auto* measure = command(app, "measure", "Densities, forces, arches, flow and pressures of a run's frames, into one file of series",
+                          [&o] { silo::measure_run(o.file, o.measured); });
+  measure->add_option("RUN", o.file, "Run: its directory, or run.h5 there")->required();
+  measure->add_option("--output", o.measured.output, "File to write (default: measures.h5 beside the run)");
+  measure->add_option("--silo", o.measured.silo, "Scene with the [silo] of the wall, where the run's own scene has none");
+  measure->add_option("--every", o.measured.every, "Least time between measured frames in s (default: all frames)")->check(CLI::PositiveNumber);
+  measure->add_option("--threads", o.measured.threads, "Frames at once")->check(CLI::Range(1, 1024))->capture_default_str();
 
   auto* import = command(app, "import", "Turn a CSV, LAMMPS data or LAMMPS dump file into a state",
                          [&o] { core::write_state(o.output, silo::import_file(o.file)); });

@@ -1,0 +1,171 @@
+#include "silo/measure.hpp"
+
+#include "core/check.hpp"
+#include "core/files.hpp"
+#include "core/scene.hpp"
+#include "core/share_work.hpp"
+#include "core/toml_keys.hpp"
+#include "silo/frame_contacts.hpp"
+#include "silo/observables.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstdio>
+#include <exception>
+#include <filesystem>
+
+namespace grainclock::silo {
+namespace {
+
+using core::State;
+
+/// What is measured of one frame.
+struct Moment {
+  double time = 0.0;  // s
+  State state;
+  std::vector<core::Contact> contacts;
+  std::vector<Observable> series;
+  std::vector<WallLoad> wall;
+  std::exception_ptr trouble;
+};
+
+SiloShape shape_of(const RunReader& run, const std::string& path, const MeasureOptions& options) {
+  if (!options.silo.empty()) return read_silo(core::read_scene(options.silo, {}));
+  const toml::table scene = run.scene();
+  const toml::table* silo = scene["silo"].as_table();
+  GC_REQUIRE(silo, "{}: its scene has no [silo] table; name a scene that has the wall's with --silo SCENE", path);
+  return parse_silo(core::TomlKeys(*silo, "[silo]", path));
+}
+
+MeasuredSilo silo_of(const RunReader& run, const std::string& path, const MeasureOptions& options) {
+  const std::optional<Layers> layers = layers_of(run.state(0));
+  GC_REQUIRE(layers, "{}: there are no wall balls to measure pressures on", path);
+  return {shape_of(run, path, options), *layers,
+          run.scene()["material"]["density"].value_or(core::Materials{}.density)};
+}
+
+std::vector<std::int64_t> chosen_frames(const RunReader& run, std::optional<double> every) {
+  std::vector<std::int64_t> frames;
+  for (std::int64_t frame = 0; frame < run.frames(); ++frame) {
+    const auto time_of = [&](std::int64_t f) { return run.times()[static_cast<std::size_t>(f)]; };
+    // Recorded times have roundings that a wanted interval need not have.
+    constexpr double kRounding = 1.0 - 1e-9;
+    if (frames.empty() || !every || time_of(frame) - time_of(frames.back()) >= kRounding * *every) frames.push_back(frame);
+  }
+  return frames;
+}
+
+/// Tables that grow by one row per frame.
+class Tables {
+ public:
+  void add(const Moment& moment) {
+    time_.push_back(moment.time);
+    if (columns_.empty()) columns_ = moment.series;
+    for (std::size_t k = 0; k < columns_.size() && time_.size() > 1; ++k) {
+      const std::vector<double>& values = moment.series[k].values;
+      columns_[k].values.insert(columns_[k].values.end(), values.begin(), values.end());
+    }
+    wall_ = moment.wall;
+    for (const WallLoad& load : moment.wall) pressure_.push_back(load.pressure());
+  }
+
+  void write(const std::filesystem::path& path, const MeasuredSilo& silo) const {
+    core::AsideFile aside(path);
+    core::Hdf5File file = core::Hdf5File::create(aside.part());
+    file.write_attribute(".", "kind", std::string("measures"));
+    write_column(file, {"time", "s", {}, time_});
+    core::Hdf5Group series = file.create_group("series");
+    for (const Observable& column : columns_) write_column(series, column);
+    series.write_attribute(".", "layer_edges", edges(silo.layers));
+    core::Hdf5Group wall = file.create_group("wall");
+    write_wall(wall);
+    file.close();
+    aside.commit();
+  }
+
+ private:
+  void write_column(core::Hdf5Group& group, const Observable& column) const {
+    core::Hdf5Group::Shape shape{time_.size()};
+    shape.insert(shape.end(), column.shape.begin(), column.shape.end());
+    group.write(column.name, column.values, shape);
+    group.write_attribute(column.name, "unit", column.unit);
+  }
+
+  void write_wall(core::Hdf5Group& group) const {
+    std::vector<std::int64_t> id;
+    for (const WallLoad& load : wall_) id.push_back(static_cast<std::int64_t>(load.id));
+    group.write("id", id);
+    const auto write = [&](const char* name, const char* unit, auto value) {
+      std::vector<double> values;
+      for (const WallLoad& load : wall_) values.push_back(value(load));
+      group.write(name, values);
+      group.write_attribute(name, "unit", std::string(unit));
+    };
+    write("angle", "rad", [](const WallLoad& load) { return load.angle; });
+    write("around", "m", [](const WallLoad& load) { return load.around; });
+    write("along", "m", [](const WallLoad& load) { return load.along; });
+    write("z", "m", [](const WallLoad& load) { return load.position.z(); });
+    write("area", "m2", [](const WallLoad& load) { return load.area; });
+    write_column(group, {"pressure", "Pa", {wall_.size()}, pressure_});
+  }
+
+  std::vector<double> time_, pressure_;
+  std::vector<Observable> columns_;
+  std::vector<WallLoad> wall_;
+};
+
+void print_progress(std::size_t done, std::size_t frames, std::chrono::steady_clock::time_point begin) {
+  const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  const double rate = static_cast<double>(done) / elapsed;
+  fmt::print("{} of {} frames measured, {:.2g} frames/s, about {:.0f} s left\n", done, frames, rate,
+             static_cast<double>(frames - done) / rate);
+  std::fflush(stdout);
+}
+
+}  // namespace
+
+void measure_run(const std::string& path, const MeasureOptions& options) {
+  const RunReader run(path);
+  const ContactFinder finder(run);
+  const MeasuredSilo silo = silo_of(run, path, options);
+  const std::vector<std::int64_t> frames = chosen_frames(run, options.every);
+  const auto begin = std::chrono::steady_clock::now();
+  Tables tables;
+  std::optional<State> before;
+  std::vector<Moment> some;
+  for (std::size_t first = 0; first < frames.size(); first += some.size()) {
+    some.clear();
+    // HDF5 is read by one thread only.
+    for (std::size_t k = first; k < std::min(frames.size(), first + static_cast<std::size_t>(options.threads)); ++k) {
+      Moment moment;
+      moment.time = run.times()[static_cast<std::size_t>(frames[k])];
+      moment.state = run.state(frames[k]);
+      moment.contacts = finder.contacts(frames[k], moment.state).contacts;
+      some.push_back(std::move(moment));
+    }
+    core::share_work(static_cast<int>(some.size()), [&](int t) {
+      Moment& moment = some[static_cast<std::size_t>(t)];
+      const State* its_before = t > 0 ? &some[static_cast<std::size_t>(t) - 1].state : before ? &*before : nullptr;
+      try {
+        moment.series = moment_of(moment.state, moment.contacts, its_before, silo);
+        moment.wall = wall_loads(moment.state, moment.contacts, silo.shape);
+      } catch (...) {
+        moment.trouble = std::current_exception();
+      }
+    });
+    for (const Moment& moment : some) {
+      if (moment.trouble) std::rethrow_exception(moment.trouble);
+      tables.add(moment);
+    }
+    before = some.back().state;
+    print_progress(first + some.size(), frames.size(), begin);
+  }
+  const std::filesystem::path directory = std::filesystem::is_directory(path) ? std::filesystem::path(path)
+                                                                              : std::filesystem::path(path).parent_path();
+  const std::filesystem::path output = options.output.empty() ? directory / "measures.h5" : std::filesystem::path(options.output);
+  tables.write(output, silo);
+  fmt::print("written: {}\n", output.string());
+}
+
+}  // namespace grainclock::silo

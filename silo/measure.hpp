@@ -1,0 +1,44 @@
+// What the paper reads off a silo, from the frames of a recorded run: one file of series beside it.
+//
+// The file (HDF5) holds, for the measured frames,
+//   time          s
+//   series/NAME   one row per frame, attribute `unit`; see moment_of()
+//   wall/...      id, angle, around, along, z, area of the wall balls, and their pressure frame by frame
+#pragma once
+
+#include "core/state.hpp"
+#include "core/stepper.hpp"
+#include "silo/geometry.hpp"
+#include "silo/run_file.hpp"
+#include "silo/wall_pressure.hpp"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace grainclock::silo {
+
+struct MeasureOptions {
+  std::string output;             // empty: measures.h5 beside the run
+  std::string silo;               // scene whose [silo] the wall is of; empty: that of the run
+  std::optional<double> every;    // s, least time between measured frames; all frames without
+  int threads = 1;
+};
+
+/// The silo whose content is measured.
+struct MeasuredSilo {
+  SiloShape shape;
+  Layers layers;   // of the wall
+  double density;  // kg/m3, of the balls
+};
+
+/// All measures of one moment but those that need a wall's map: density.hpp, surface.hpp, order.hpp, chains.hpp, arches.hpp,
+/// flux.hpp and wall_pressure.hpp say what they mean. `before`: an earlier moment, for mean velocities; without, velocities
+/// are those of the moment.
+std::vector<Observable> moment_of(const core::State& state, const std::vector<core::Contact>& contacts, const core::State* before,
+                                  const MeasuredSilo& silo);
+
+/// Measures a run, its frames shared among threads. Throws InputError without a [silo] or a wall, FileError.
+void measure_run(const std::string& run, const MeasureOptions& options);
+
+}  // namespace grainclock::silo
