@@ -56,6 +56,15 @@ std::vector<std::int64_t> chosen_frames(const RunReader& run, std::optional<doub
   return frames;
 }
 
+/// Where the file goes. Throws FileError now rather than after all the work.
+std::filesystem::path output_of(const std::filesystem::path& run, const MeasureOptions& options) {
+  if (options.output.empty()) return (std::filesystem::is_directory(run) ? run : run.parent_path()) / "measures.h5";
+  const std::filesystem::path output = options.output;
+  if (output.has_parent_path() && !std::filesystem::is_directory(output.parent_path()))
+    throw core::FileError(fmt::format("{}: there is no directory {} to write it to", output.string(), output.parent_path().string()));
+  return output;
+}
+
 /// Tables that grow by one row per frame.
 class Tables {
  public:
@@ -115,22 +124,37 @@ class Tables {
   std::vector<WallLoad> wall_;
 };
 
-void print_progress(std::size_t done, std::size_t frames, std::chrono::steady_clock::time_point begin) {
-  const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  const double rate = static_cast<double>(done) / elapsed;
-  fmt::print("{} of {} frames measured, {:.2g} frames/s, about {:.0f} s left\n", done, frames, rate,
-             static_cast<double>(frames - done) / rate);
-  std::fflush(stdout);
-}
+/// Lines now and then, and at the end.
+class MeasureProgress {
+ public:
+  explicit MeasureProgress(std::size_t frames) : frames_(frames) {}
+
+  void note(std::size_t done) {
+    constexpr double kBetween = 2.0;  // s
+    const double now = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
+    if (done < frames_ && now - last_ < kBetween) return;
+    last_ = now;
+    const double rate = static_cast<double>(done) / now;
+    fmt::print("{} of {} frames measured, {:.2g} frames/s, about {:.0f} s left\n", done, frames_, rate,
+               static_cast<double>(frames_ - done) / rate);
+    std::fflush(stdout);
+  }
+
+ private:
+  std::size_t frames_;
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+  double last_ = 0.0;  // s
+};
 
 }  // namespace
 
 void measure_run(const std::string& path, const MeasureOptions& options) {
   const RunReader run(path);
+  const std::filesystem::path output = output_of(path, options);
   const ContactFinder finder(run);
   const MeasuredSilo silo = silo_of(run, path, options);
   const std::vector<std::int64_t> frames = chosen_frames(run, options.every);
-  const auto begin = std::chrono::steady_clock::now();
+  MeasureProgress progress(frames.size());
   Tables tables;
   std::optional<State> before;
   std::vector<Moment> some;
@@ -159,11 +183,8 @@ void measure_run(const std::string& path, const MeasureOptions& options) {
       tables.add(moment);
     }
     before = some.back().state;
-    print_progress(first + some.size(), frames.size(), begin);
+    progress.note(first + some.size());
   }
-  const std::filesystem::path directory = std::filesystem::is_directory(path) ? std::filesystem::path(path)
-                                                                              : std::filesystem::path(path).parent_path();
-  const std::filesystem::path output = options.output.empty() ? directory / "measures.h5" : std::filesystem::path(options.output);
   tables.write(output, silo);
   fmt::print("written: {}\n", output.string());
 }
