@@ -119,6 +119,7 @@ TEST(Order, AgreesWithSumsOverPairsOfBonds) {
   }
   EXPECT_GT(crystalline, 10U);
   EXPECT_LT(crystalline, state.size() - 30U);
+  EXPECT_EQ(order.crystalline_share, static_cast<double>(crystalline) / static_cast<double>(state.count(Kind::content)));
   EXPECT_NEAR(order.global_q6, std::sqrt(product(all, all)) / static_cast<double>(all.size()), 1e-13);  // rounding
 }
 
