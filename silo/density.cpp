@@ -43,8 +43,8 @@ std::vector<Vec3> centres(const State& state, const std::vector<std::size_t>& ba
   return points;
 }
 
-/// How far a ball's centre may be whose radical plane still comes as near as `reach` to the centre of a ball of radius r [m].
-/// `largest`: radius of the largest ball [m].
+/// How far a ball's centre may be whose radical plane still comes as near as `reach` to the centre of a ball of radius r
+/// [m]. `largest`: radius of the largest ball [m].
 double farthest_partner(double reach, double r, double largest) {
   return reach + std::sqrt(reach * reach + largest * largest - r * r);
 }
@@ -70,8 +70,8 @@ class CellCutter {
       if (k % kLook == 0 && farthest_partner(farthest_corner(), r, largest_) < std::sqrt(square)) break;
       const std::size_t j = generators_[partner];
       const Vec3 towards = state_.position[j] - state_.position[i];
-      GC_REQUIRE(square > 0.0, "balls {} and {} have the same centre ({}, {}, {}) m: no cell can be told from the other; remove one",
-                 state_.id[i], state_.id[j], state_.position[i][0], state_.position[i][1], state_.position[i][2]);
+      GC_REQUIRE(square > 0.0, "balls {} and {} have the same centre ({}, {}, {}) m: one cell cannot be told from the other; "
+                 "remove one", state_.id[i], state_.id[j], state_.position[i][0], state_.position[i][1], state_.position[i][2]);
       // The plane of equal tangents is where x . towards is half of this.
       const double twice = square + r * r - state_.radius[j] * state_.radius[j];
       if (!cell_.plane(towards[0], towards[1], towards[2], twice)) return kNone;
@@ -103,7 +103,8 @@ class CellCutter {
 };
 
 void require_one_per_ball(const State& state, const std::vector<double>& values, const char* what) {
-  GC_REQUIRE(values.size() == state.size(), "{} {} for {} balls: pass those of the same state", values.size(), what, state.size());
+  GC_REQUIRE(values.size() == state.size(), "{} {} for {} balls: pass those of the same state", values.size(), what,
+             state.size());
 }
 
 }  // namespace

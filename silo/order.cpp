@@ -18,8 +18,8 @@ using core::State;
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-/// The 13 real spherical harmonics of degree 6, so normalised that h(u) . h(v) is the Legendre polynomial P6(u . v) (addition
-/// theorem). They are the same for -u.
+/// The 13 real spherical harmonics of degree 6, so normalised that h(u) . h(v) is the Legendre polynomial P6(u . v)
+/// (addition theorem). They are the same for -u.
 using Harmonics = Eigen::Matrix<double, 13, 1>;
 
 Harmonics harmonics(const Vec3& unit) {
@@ -100,10 +100,12 @@ BondOrder bond_order(const State& state, const BondRule& rule) {
   return order;
 }
 
-std::vector<double> centres_by_depth(const State& state, const SiloShape& shape, double z0, double z1, double depth, int n) {
-  GC_REQUIRE(z0 >= 0.0 && z0 < z1 && n >= 1, "{} shells between z = {} m and {} m: need at least one, and z0 from 0 m to below z1", n, z0, z1);
-  GC_REQUIRE(depth > 0.0 && depth < shape.half_width, "shells to a depth of {} m: must be above 0 m and below the silo's half width, {} m",
-             depth, shape.half_width);
+std::vector<double> centres_by_depth(const State& state, const SiloShape& shape, double z0, double z1, double depth,
+                                     int n) {
+  GC_REQUIRE(z0 >= 0.0 && z0 < z1 && n >= 1, "{} shells between z = {} m and {} m: need at least one, and z0 from 0 m "
+             "to below z1", n, z0, z1);
+  GC_REQUIRE(depth > 0.0 && depth < shape.half_width, "shells to a depth of {} m: must be above 0 m and below the silo's half "
+             "width, {} m", depth, shape.half_width);
   std::vector<double> density(static_cast<std::size_t>(n), 0.0);
   const Meridian wall = meridian(shape);
   for (std::size_t i = 0; i < state.size(); ++i) {
@@ -112,7 +114,9 @@ std::vector<double> centres_by_depth(const State& state, const SiloShape& shape,
     const double at = depth_inside(shape.section, wall, state.position[i]) / depth * n;
     if (at >= 0.0 && at < n) density[static_cast<std::size_t>(at)] += 1.0;
   }
-  const auto volume_within = [&](int shell) { return volume_between(shape.section, inside(shape, depth * shell / n), z0, z1); };
+  const auto volume_within = [&](int shell) {
+    return volume_between(shape.section, inside(shape, depth * shell / n), z0, z1);
+  };
   for (int shell = 0; shell < n; ++shell) {
     const double volume = volume_within(shell) - volume_within(shell + 1);
     double& here = density[static_cast<std::size_t>(shell)];

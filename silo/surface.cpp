@@ -69,7 +69,8 @@ std::vector<std::uint8_t> heap(const State& state, double gap) {
 }
 
 SurfaceProfile surface_profile(const State& state, const Rings& rings) {
-  GC_REQUIRE(rings.radius > 0.0 && rings.n >= 1, "{} rings out to {} m: need at least one, and a radius above 0 m", rings.n, rings.radius);
+  GC_REQUIRE(rings.radius > 0.0 && rings.n >= 1, "{} rings out to {} m: need at least one, and a radius above 0 m",
+             rings.n, rings.radius);
   const std::vector<std::uint8_t> in_heap = heap(state);
   const double width = content_of(state).mean_diameter;
   std::map<std::pair<int, int>, double> tops;  // m, by column
@@ -101,7 +102,8 @@ std::optional<Dish> fit_dish(const SurfaceProfile& profile) {
   double columns = 0.0, mean_square = 0.0, mean_height = 0.0;
   const auto for_rings = [&](auto use) {
     for (std::size_t ring = 0; ring < profile.columns.size(); ++ring) {
-      if (profile.columns[ring] > 0) use(profile.columns[ring], profile.radius[ring] * profile.radius[ring], profile.height[ring]);
+      const double radius = profile.radius[ring];
+      if (profile.columns[ring] > 0) use(profile.columns[ring], radius * radius, profile.height[ring]);
     }
   };
   for_rings([&](double weight, double square, double height) {

@@ -1,4 +1,5 @@
-// The free surface of the content: which balls lie in the heap, how high it stands over the radius, and whether it is a dish.
+// The free surface of the content: which balls lie in the heap, how high it stands over the radius, and whether it is a
+// dish.
 #pragma once
 
 #include "core/state.hpp"
@@ -12,12 +13,13 @@ namespace grainclock::silo {
 /// Largest gap within a heap, in mean diameters of the content: flowing balls stay linked, falling ones do not.
 inline constexpr double kHeapGap = 0.1;
 
-/// 1 for each ball of the heap: the largest set of content balls that hang together by gaps of at most `gap` mean diameters (of
-/// equally large ones that with the ball of lowest id). So balls that rain from above or fall below the outlet are none.
+/// 1 for each ball of the heap: the largest set of content balls that hang together by gaps of at most `gap` mean diameters
+/// (of equally large ones that with the ball of lowest id). So balls that rain from above or fall below the outlet are none.
 /// One per ball of the state. Throws InputError unless gap >= 0.
 std::vector<std::uint8_t> heap(const core::State& state, double gap = kHeapGap);
 
-/// n rings of equal width around the silo's axis, from it out to `radius`; a ring holds its inner edge, the last one also `radius`.
+/// n rings of equal width around the silo's axis, from it out to `radius`; a ring holds its inner edge, the last one also
+/// `radius`.
 struct Rings {
   double radius;  // m
   int n;
@@ -30,9 +32,9 @@ struct SurfaceProfile {
   std::vector<int> columns;
 };
 
-/// The heap is cut into square columns of one mean diameter, with edges through the axis. A column with the centre of a ball of the
-/// heap has the height of the highest such ball's top, and belongs to the ring that its own centre lies in.
-/// Throws InputError unless rings.radius > 0 and rings.n >= 1.
+/// The heap is cut into square columns of one mean diameter, with edges through the axis. A column with the centre of a ball
+/// of the heap has the height of the highest such ball's top, and belongs to the ring that its own centre lies in. Throws
+/// InputError unless rings.radius > 0 and rings.n >= 1.
 SurfaceProfile surface_profile(const core::State& state, const Rings& rings);
 
 /// The paraboloid z = a + b r^2 that fits a profile best.

@@ -95,8 +95,9 @@ TEST(Density, AHoleIsSharedOutUnlessItIsTooLarge) {
   EXPECT_EQ(with_cell(cell_volumes(state, 0.99)), 118U);
 }
 
-// Rock salt: balls of radii r and s in turn on a simple cubic lattice of spacing r + s. The plane of equal tangents is at the contact:
-// r^2 - s^2 = (r - s)(r + s). A small ball's cell is the cube of its tangent planes; the large ones share the rest.
+// Rock salt: balls of radii r and s in turn on a simple cubic lattice of spacing r + s. The plane of equal tangents is at
+// the contact: r^2 - s^2 = (r - s)(r + s). A small ball's cell is the cube of its tangent planes; the large ones share the
+// rest.
 TEST(Density, CellsOfUnequalBallsMeetAtTheirContacts) {
   const double r = 0.25, s = 0.19, a = r + s;
   State state = tests::block(tests::simple_cubic(), 6, 1, 0.5 * a);
@@ -109,7 +110,8 @@ TEST(Density, CellsOfUnequalBallsMeetAtTheirContacts) {
   }
 }
 
-// Points thrown at random belong to the ball whose power, distance squared less radius squared, is least: found by trying all.
+// Points thrown at random belong to the ball whose power, distance squared less radius squared, is least: found by trying
+// all.
 TEST(Density, CellsOfRandomBallsAgreeWithRandomPoints) {
   tests::Random random(5);
   State state;
@@ -121,7 +123,8 @@ TEST(Density, CellsOfRandomBallsAgreeWithRandomPoints) {
     const auto covers = [&](std::size_t i) { return (state.position[i] - x).norm() < 0.8 * (state.radius[i] + r); };
     bool is_free = true;
     for (std::size_t i = 0; i < state.size(); ++i) is_free = is_free && !covers(i);
-    if (is_free) state.add(static_cast<core::BallId>(state.size()), is_wall ? Kind::wall : Kind::content, x, Vec3::Zero(), r);
+    const auto id = static_cast<core::BallId>(state.size());
+    if (is_free) state.add(id, is_wall ? Kind::wall : Kind::content, x, Vec3::Zero(), r);
   }
   const std::vector<double> cells = cell_volumes(state, 6.0);
   constexpr int kPoints = 200000;
@@ -175,7 +178,8 @@ TEST(Density, LocalDensityIsThatOfSeveralCellsTogether) {
   const State state = row_of_balls();
   const std::vector<double> cells{1.0, 3.0, kNone, 8.0, kNone};
   const double small = ball_volume(0.5), large = ball_volume(1.0);
-  const auto alone = local_density(state, cells, 0), pairs = local_density(state, cells, 1), all = local_density(state, cells, 9);
+  const auto alone = local_density(state, cells, 0), pairs = local_density(state, cells, 1);
+  const auto all = local_density(state, cells, 9);
   // Rounding.
   EXPECT_NEAR(alone[3], large / 8.0, 1e-15);
   EXPECT_NEAR(pairs[0], 2.0 * small / 4.0, 1e-15);

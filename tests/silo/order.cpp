@@ -71,7 +71,8 @@ TEST(Order, SimpleCubicBallsHaveOnlySixBonds) {
 
 TEST(Order, AllBondsOfASingleCrystalAddUp) {
   // As many bonds along each axis, so the bonds of the whole block are those of a ball within.
-  EXPECT_NEAR(bond_order(tests::block(tests::simple_cubic(), 5, 0, 0.22)).global_q6, std::sqrt(2.0) / 4.0, 1e-14);  // rounding
+  const State state = tests::block(tests::simple_cubic(), 5, 0, 0.22);
+  EXPECT_NEAR(bond_order(state).global_q6, std::sqrt(2.0) / 4.0, 1e-14);  // rounding
 }
 
 double p6(double c) { return std::legendre(6U, std::clamp(c, -1.0, 1.0)); }
@@ -90,7 +91,8 @@ TEST(Order, AgreesWithSumsOverPairsOfBonds) {
   // A disturbed crystal: some balls on either side of the criterion.
   const State crystal = tests::block(tests::face_centred(), 4, 0, 0.22);
   for (std::size_t i = 0; i < crystal.size(); ++i)
-    state.add(crystal.id[i], i % 17 == 3 ? Kind::wall : Kind::content, crystal.position[i] + random.in_cube(0.06), Vec3::Zero(), 0.22);
+    state.add(crystal.id[i], i % 17 == 3 ? Kind::wall : Kind::content, crystal.position[i] + random.in_cube(0.06), Vec3::Zero(),
+              0.22);
   std::vector<std::vector<Vec3>> bonds(state.size());
   std::vector<Vec3> all;
   const auto is_bonded = [&](std::size_t i, std::size_t j) {
@@ -123,7 +125,8 @@ TEST(Order, AgreesWithSumsOverPairsOfBonds) {
   EXPECT_NEAR(order.global_q6, std::sqrt(product(all, all)) / static_cast<double>(all.size()), 1e-13);  // rounding
 }
 
-// n bonds in independent directions: the mean square of their common Q6 is 1/n, a chi-square sum of 13 squares each 1/(13 n).
+// n bonds in independent directions: the mean square of their common Q6 is 1/n, a chi-square sum of 13 squares each 1/(13
+// n).
 TEST(Order, RandomPointsAreDisordered) {
   tests::Random random(3);
   State state;
@@ -175,7 +178,7 @@ TEST(Layers, EvenPointsHaveNoLayers) {
     State state;
     constexpr int kPoints = 40000;
     for (int i = 0; i < kPoints; ++i)
-      state.add(i, Kind::content, {random.between(-5.0, 5.0), random.between(-5.0, 5.0), random.between(0.0, 10.0)}, Vec3::Zero(), 0.1);
+      state.add(i, Kind::content, Vec3(0.0, 0.0, 5.0) + random.in_cube(5.0), Vec3::Zero(), 0.1);
     const double expected = kPoints / 1000.0;  // 1/m3
     for (const double z0 : {0.0, 1.0, 6.0}) {
       const auto density = centres_by_depth(state, shape, z0, 10.0, 3.0, 6);
@@ -185,8 +188,10 @@ TEST(Layers, EvenPointsHaveNoLayers) {
         const double depth = depth_inside(section, wall, x);
         if (x[2] >= z0 && depth >= 0.0 && depth < 3.0) ++count[static_cast<std::size_t>(depth / 0.5)];
       }
-      for (std::size_t shell = 0; shell < 6; ++shell)
-        EXPECT_NEAR(density[shell], expected, 5.0 * expected / std::sqrt(count[shell])) << shell;  // statistics: 5 standard deviations
+      for (std::size_t shell = 0; shell < 6; ++shell) {
+        // Statistics: 5 standard deviations.
+        EXPECT_NEAR(density[shell], expected, 5.0 * expected / std::sqrt(count[shell])) << shell;
+      }
     }
   }
 }

@@ -86,7 +86,8 @@ TEST(Heap, AgreesWithWalkingOverAllPairs) {
   for (std::size_t i = 0; i < 150; ++i) EXPECT_EQ(found[i], group[i] == largest) << i;
 }
 
-/// Two layers of balls of diameter d [m], one above the other in each column out to `radius`, the upper ones' tops at height(r).
+/// Two layers of balls of diameter d [m], one above the other in each column out to `radius`, the upper ones' tops at
+/// height(r).
 template <class Height>
 State surface(double d, double radius, Height height) {
   State state;
@@ -126,7 +127,8 @@ TEST(Surface, ConeGivesItsBestParaboloid) {
   const State state = surface(0.1, radius, [s](double r) { return 10.0 + s * r; });
   const auto dish = fit_dish(surface_profile(state, {radius, 25}));
   ASSERT_TRUE(dish);
-  // Columns are d / R = 2 % wide, rings 4 %: the rim is a staircase, heights are means over rings. A fifth of a column is allowed.
+  // Columns are d / R = 2 % wide, rings 4 %: the rim is a staircase, heights are means over rings. A fifth of a column is
+  // allowed.
   EXPECT_NEAR(dish->a - 10.0, 4.0 / 15.0 * s * radius, 0.004 * s * radius);
   EXPECT_NEAR(dish->b, 0.8 * s / radius, 0.004 * s / radius);
 }

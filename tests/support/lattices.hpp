@@ -38,7 +38,8 @@ inline Lattice hexagonal() {
           0.4847617};
 }
 
-/// n x n x n boxes of a lattice of balls of radius r [m]; the outermost `shell` boxes all around are wall. By id, place by place.
+/// n x n x n boxes of a lattice of balls of radius r [m]; the outermost `shell` boxes all around are wall. By id, place by
+/// place.
 inline core::State block(const Lattice& lattice, int n, int shell, double r) {
   core::State state;
   core::BallId id = 0;
