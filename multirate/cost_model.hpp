@@ -20,8 +20,8 @@ struct Prices {
   double call;        // of each uniform step, step of a level, or renewal, however small
 };
 constexpr Prices kUniformPrices{1.0, 1.2, 15.0};
-constexpr Prices kSelectivePrices{2.5, 1.2, 10.0};
-constexpr Prices kRenewalPrices{9.0, 20.0, 1600.0};  // of every listed pair and every ball
+constexpr Prices kSelectivePrices{2.3, 1.2, 10.0};
+constexpr Prices kRenewalPrices{5.5, 12.0, 1600.0};  // of every listed pair and every ball
 
 /// Uniform steps with events that selective ones are compared with.
 struct UniformSteps {

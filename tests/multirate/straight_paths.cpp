@@ -572,10 +572,10 @@ void record_seen(const BallRow* rows, core::PairSpan pairs, const core::SweepLaw
   last_tick.add(pairs, level);
   core::kernels().record(rows, pairs, law, level, records, sums, totals, candidates);
 }
-void kick_seen(BallRow* rows, core::Path* paths, core::IntVec* balance, const std::uint8_t* level, core::WeightedSum* sums,
-               std::size_t stride, int parts, core::RowSpan which, const core::KickParameters& p) {
+void kick_seen(BallRow* rows, core::Path* paths, core::IntVec* balance, core::IntVec* opening, const std::uint8_t* level,
+               core::WeightedSum* sums, std::size_t stride, int parts, core::RowSpan which, const core::KickParameters& p) {
   last_tick.is_over = true;
-  core::kernels().kick(rows, paths, balance, level, sums, stride, parts, which, p);
+  core::kernels().kick(rows, paths, balance, opening, level, sums, stride, parts, which, p);
 }
 
 struct Seen {
