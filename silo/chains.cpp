@@ -80,8 +80,7 @@ ForceDistribution force_distribution(const std::vector<double>& forces, const st
     }
     const auto above = std::upper_bound(edges.begin(), edges.end() - 1, x);
     const auto bin = static_cast<std::size_t>(above - edges.begin()) - 1;
-    const std::size_t last = std::min(bin, out.density.size() - 1);
-    out.density[last] += share / (edges[last + 1] - edges[last]);
+    out.density[bin] += share / (edges[bin + 1] - edges[bin]);
   }
   return out;
 }

@@ -234,6 +234,11 @@ TEST(Arches, WhatDoesNotEncloseDoesNotHold) {
   EXPECT_EQ(held({{-a, 1.0}, {-b, 1.0}, {-c, 1.0}}), 0);                              // from above
   EXPECT_EQ(held({{a, 1.0}, {b, 1.0}, {Vec3(1.0, 1.0, 1.0), 1.0}}), 0);               // all from one side
   EXPECT_EQ(held({{a, 1.0}, {b, 1.0}, {c, -1.0}}), 0);                                // one pulls
+  EXPECT_EQ(held({{a, 1.0}, {Vec3(-2.0, 0.0, 1.0), 1.0}}), 2);                        // two opposite each other
+  EXPECT_EQ(held({{a, 1.0}, {Vec3(2.0, 0.0, 1.0), 1.0}}), 0);                         // two in one plane on one side
+  EXPECT_EQ(held({{a, 1.0}, {Vec3(-1.0, 0.0, -2.0), 0.1}}), 0);                       // two, the line between them above
+  EXPECT_EQ(held({{Vec3::UnitZ(), 1.0}}), 1);
+  EXPECT_EQ(held({{-Vec3::UnitZ(), 1.0}}), 0);
   EXPECT_EQ(held({{a, 0.0}, {b, 1.0}, {c, 1.0}}), 0);                                 // one does nothing
   EXPECT_EQ(held({{Vec3(1.0, 0.0, -0.5), 1.0}, {b, 1.0}, {c, 1.0}}), 3);              // one sits above the centre
   EXPECT_EQ(held({{Vec3(1.0, 0.0, -0.5), 9.0}, {b, 1.0}, {c, 1.0}}), 0);              // and all push the ball down
@@ -312,6 +317,15 @@ TEST(Arches, SupportsAndBridgesAgreeWithBruteForce) {
     std::size_t found_bonds = 0;
     for (const Bridge& bridge : found) {
       members.push_back(bridge.members);
+      double span = 0.0, height = 0.0;
+      for (const BallId a : bridge.members)
+        for (const BallId b : bridge.members) {
+          const Vec3 apart = net.state.position[static_cast<std::size_t>(a)] - net.state.position[static_cast<std::size_t>(b)];
+          span = std::max(span, std::hypot(apart[0], apart[1]));
+          height = std::max(height, apart[2]);
+        }
+      EXPECT_NEAR(bridge.span, span, 1e-14);  // rounding
+      EXPECT_EQ(bridge.height, height);
       found_bonds += static_cast<std::size_t>(bridge.bonds);
       largest = std::max(largest, bridge.members.size());
     }
@@ -392,6 +406,17 @@ TEST(Arches, SpeedsOnBothSidesAreThoseInItsShadow) {
   EXPECT_DOUBLE_EQ(sides.speed_below, 16.0);
   EXPECT_DOUBLE_EQ(sides.speed_within, 2.0);
   EXPECT_EQ(speeds_beside(scene.net.state, {scene.bridge}, 8.0 * kR).front().below, 2);
+}
+
+TEST(Arches, ReachCountsFromTheNearestMember) {
+  ForceNetwork net;  // two members far apart in height; a ball above the lower one, below the upper one's height
+  net.add(Kind::content, Vec3::Zero(), kR);
+  net.add(Kind::content, {3.0 * kR, 0.0, 4.0 * kR}, kR);
+  net.add(Kind::content, {0.0, 0.0, 3.5 * kR}, kR);
+  Bridge bridge;
+  bridge.members = {0, 1};
+  EXPECT_EQ(speeds_beside(net.state, {bridge}, 3.0 * kR).front().above, 0);
+  EXPECT_EQ(speeds_beside(net.state, {bridge}, 4.0 * kR).front().above, 1);
 }
 
 TEST(Arches, TurnedBridgeLooksElsewhere) {
