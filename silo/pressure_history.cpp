@@ -25,14 +25,14 @@ void require_increasing(std::span<const double> time) {
 Range samples_in(std::span<const double> time, const Window& window) {
   const auto first = std::lower_bound(time.begin(), time.end(), window.begin);
   const auto end = std::upper_bound(first, time.end(), window.end);
-  GC_REQUIRE(first != end, "no sample between {} s and {} s: take a window within the series, or samples closer in time", window.begin,
-             window.end);
+  GC_REQUIRE(first != end, "no sample between {} s and {} s: take a window within the series, or samples closer in time",
+             window.begin, window.end);
   return {static_cast<std::size_t>(first - time.begin()), static_cast<std::size_t>(end - time.begin())};
 }
 
 void require_valid(const PressureSeries& series) {
-  GC_REQUIRE(series.time.size() == series.pressure.size(), "{} times for {} rows of pressures: need one for each", series.time.size(),
-             series.pressure.size());
+  GC_REQUIRE(series.time.size() == series.pressure.size(), "{} times for {} rows of pressures: need one for each",
+             series.time.size(), series.pressure.size());
   for (const auto& row : series.pressure)
     GC_REQUIRE(row.size() == series.pressure.front().size(), "a row of {} pressures after one of {}: all need the same places",
                row.size(), series.pressure.front().size());
@@ -46,10 +46,10 @@ class TimeAbove {
 
   void add(double t0, double p0, double t1, double p1) {
     const double level = found_.level;
-    if (p0 <= level && p1 <= level) return close();
+    if (p0 <= level && p1 <= level) return;
     const double crossing = t0 + (t1 - t0) * std::clamp((level - p0) / (p1 - p0), 0.0, 1.0);
     const double from = p0 > level ? t0 : crossing, to = p1 > level ? t1 : crossing;
-    if (p0 <= level) close();
+    if (p0 <= level) unbroken_ = 0.0;
     if (std::isnan(found_.begin)) found_.begin = from;
     found_.end = to;
     found_.total += to - from;
@@ -58,8 +58,6 @@ class TimeAbove {
   }
 
  private:
-  void close() { unbroken_ = 0.0; }
-
   Overpressure& found_;
   double unbroken_ = 0.0;  // s
 };
@@ -76,7 +74,8 @@ std::vector<double> static_pressure(const PressureSeries& series, const Window& 
   return mean;
 }
 
-std::vector<DynamicExtremes> dynamic_extremes(const PressureSeries& series, const Window& rest, const Window& motion, double floor) {
+std::vector<DynamicExtremes> dynamic_extremes(const PressureSeries& series, const Window& rest, const Window& motion,
+                                              double floor) {
   GC_REQUIRE(floor >= 0.0, "floor = {} Pa: must be 0 or above", floor);
   const std::vector<double> at_rest = static_pressure(series, rest);
   const Range range = samples_in(series.time, motion);
@@ -89,7 +88,8 @@ std::vector<DynamicExtremes> dynamic_extremes(const PressureSeries& series, cons
       if (at(i) > at(highest)) highest = i;
     }
     const double base = at_rest[k] > floor ? at_rest[k] : kNaN;
-    extremes.push_back({at_rest[k], at(lowest), series.time[lowest], at(highest), series.time[highest], at(lowest) / base, at(highest) / base});
+    extremes.push_back({at_rest[k], at(lowest), series.time[lowest], at(highest), series.time[highest], at(lowest) / base,
+                        at(highest) / base});
   }
   return extremes;
 }
@@ -129,7 +129,7 @@ Overpressure overpressure(std::span<const double> time, std::span<const double> 
   Overpressure found{at_rest * (1.0 + share), 0.0, time[range.first], kNaN, kNaN, 0.0, 0.0};
   TimeAbove above(found);
   for (std::size_t i = range.first; i < range.end; ++i) {
-    GC_REQUIRE(std::isfinite(pressure[i]), "pressure {} Pa at {} s: need finite ones, of a place with wall", pressure[i], time[i]);
+    GC_REQUIRE(std::isfinite(pressure[i]), "pressure {} Pa at {} s: must be finite, of a place with wall", pressure[i], time[i]);
     if (pressure[i] / at_rest > found.highest) {
       found.highest = pressure[i] / at_rest;
       found.time_of_highest = time[i];

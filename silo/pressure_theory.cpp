@@ -86,7 +86,8 @@ void add_line(std::vector<LayerStress>& stress, const Layers& layers, const Vec3
 
 std::size_t index_of(const core::State& state, core::BallId id) {
   const auto at = std::lower_bound(state.id.begin(), state.id.end(), id);
-  GC_REQUIRE(at != state.id.end() && *at == id, "ball {} of a contact is not in the state: pass the state that the contacts belong to", id);
+  GC_REQUIRE(at != state.id.end() && *at == id, "ball {} of a contact is not in the state: pass the state that the contacts "
+             "belong to", id);
   return static_cast<std::size_t>(at - state.id.begin());
 }
 
@@ -164,12 +165,14 @@ std::vector<LayerStress> stress_by_layer(const core::State& state, const std::ve
   for (std::size_t k = 0; k < stress.size(); ++k) {
     const double z = layers.z0 + static_cast<double>(k) * height;
     const double volume = volume_between(shape.section, inside, z, z + height);
-    stress[k] = volume > 0.0 ? LayerStress{stress[k].vertical / volume, stress[k].horizontal / volume} : LayerStress{kNaN, kNaN};
+    const double share = volume > 0.0 ? 1.0 / volume : kNaN;
+    stress[k] = {stress[k].vertical * share, stress[k].horizontal * share};
   }
   return stress;
 }
 
-std::vector<LayerRatios> ratios_by_layer(std::span<const WallLoad> loads, std::span<const LayerStress> stress, const Layers& layers) {
+std::vector<LayerRatios> ratios_by_layer(std::span<const WallLoad> loads, std::span<const LayerStress> stress,
+                                         const Layers& layers) {
   GC_REQUIRE(std::ssize(stress) == layers.n, "stresses of {} layers for {} layers: need those of the same", stress.size(), layers.n);
   std::vector<double> normal, downward;  // Pa
   for (const WallLoad& load : loads) {
@@ -179,7 +182,8 @@ std::vector<LayerRatios> ratios_by_layer(std::span<const WallLoad> loads, std::s
     // Down along the wall is -z without its part along the normal.
     downward.push_back(level > 0.0 ? (load.normal[2] * pressing - load.force[2]) / level / load.area : 0.0);
   }
-  const std::vector<double> mean_normal = mean_by_layer(loads, normal, layers), mean_downward = mean_by_layer(loads, downward, layers);
+  const std::vector<double> mean_normal = mean_by_layer(loads, normal, layers);
+  const std::vector<double> mean_downward = mean_by_layer(loads, downward, layers);
   std::vector<LayerRatios> ratios;
   for (std::size_t k = 0; k < stress.size(); ++k)
     ratios.push_back({ratio(mean_downward[k], mean_normal[k]), ratio(stress[k].horizontal, stress[k].vertical),

@@ -32,8 +32,8 @@ struct Heap {
 };
 
 struct WallLaw {
-  double friction;           // mu, shear over normal stress at the wall
-  double lateral;            // K, normal pressure on the shaft's wall over the mean vertical stress
+  double friction;              // mu, shear over normal stress at the wall
+  double lateral;               // K, normal pressure on the shaft's wall over the mean vertical stress
   double hopper_deficit = 0.2;  // b; EN 1991-4 gives 0.2, Walker's hydrostatic hopper is 1
 };
 
@@ -79,6 +79,7 @@ struct LayerRatios {
 };
 
 /// `stress` as stress_by_layer gives it for the same layers.
-std::vector<LayerRatios> ratios_by_layer(std::span<const WallLoad> loads, std::span<const LayerStress> stress, const Layers& layers);
+std::vector<LayerRatios> ratios_by_layer(std::span<const WallLoad> loads, std::span<const LayerStress> stress,
+                                         const Layers& layers);
 
 }  // namespace grainclock::silo

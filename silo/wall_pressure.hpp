@@ -65,7 +65,9 @@ struct LayerModes {
 /// their density as modes of a uniform pressure. Throws InputError unless highest >= 0.
 std::vector<LayerModes> azimuthal_modes(std::span<const WallLoad> loads, const Layers& layers, int highest);
 
-/// What pushes the silo sideways. Vectors are (x, y).
+/// What pushes the silo sideways. Vectors are (x, y). The content's weight has no part sideways: at rest the force, with the
+/// plug's, is zero however uneven the pressures are, and the sum of the moments says only where the centre of mass is. What is
+/// left is what the content's momentum changes by.
 struct LateralResultant {
   Eigen::Vector2d force;                 // N, sum of the horizontal forces on the wall
   Eigen::Vector2d moment_of_horizontal;  // N m, of these about the x and y axes in the outlet plane z = 0

@@ -89,7 +89,16 @@ TEST(PressureHistory, OverpressureLastsBetweenItsCrossings) {
   EXPECT_EQ(found.end, 5.0);  // still above at the end
   EXPECT_NEAR(found.longest, 1.7, 1e-12);
   EXPECT_NEAR(found.total, 1.7 + 0.5, 1e-12);
-  EXPECT_NEAR(overpressure(time, pressure, 100.0, 0.1, {1.5, 4.2}).begin, 2.0, 1e-12);  // from the first sample
+  const Overpressure part = overpressure(time, pressure, 100.0, 0.1, {1.5, 4.2});
+  EXPECT_EQ(part.begin, 2.0);  // from the first sample
+  EXPECT_NEAR(part.end, 2.8, 1e-12);
+}
+
+TEST(PressureHistory, OneSampleBelowTheLevelBreaksTheOverpressure) {
+  const std::vector<double> time{0.0, 1.0, 2.0, 3.0, 4.0}, pressure{130.0, 130.0, 90.0, 130.0, 130.0};
+  const Overpressure found = overpressure(time, pressure, 100.0, 0.1, {0.0, 4.0});
+  EXPECT_NEAR(found.longest, 1.5, 1e-12);  // rounding of the level
+  EXPECT_NEAR(found.total, 3.0, 1e-12);
 }
 
 TEST(PressureHistory, TriangularPulseLastsAsItsWidthAtTheLevel) {

@@ -25,6 +25,14 @@ Meridian walls(double hopper_height = 5.0, double height = 20.0) {
   return meridian(shape);
 }
 
+/// The wall of a silo alone.
+State wall_of(const SiloShape& shape) {
+  State state;
+  for (const FixedBall& ball : build_walls(shape, 1).wall)
+    state.add(std::ssize(state.id), Kind::wall, ball.at, Vec3::Zero(), ball.radius);
+  return state;
+}
+
 /// Vertical stress at z by the slices' equation with tiny steps of fourth order, from the surface down.
 double sliced(const Heap& heap, double mu, double lateral, double b, double z) {
   const auto slope = [&](double at, double stress) {  // d(stress)/d(depth)
@@ -74,12 +82,14 @@ TEST(PressureTheory, ShallowShaftsAreHydrostatic) {
 
 TEST(PressureTheory, SatisfiesTheSlicesEquation) {
   for (const double surface : {4.0, 5.0, 12.0, 24.0})
-    for (const auto& law : {WallLaw{0.05, 0.6}, WallLaw{0.3, 0.5}, WallLaw{0.3, 0.5, 1.0}, WallLaw{0.3, 0.9, 0.0}, WallLaw{0.5, 0.2, 0.0}})
+    for (const auto& law :
+         {WallLaw{0.05, 0.6}, WallLaw{0.3, 0.5}, WallLaw{0.3, 0.5, 1.0}, WallLaw{0.3, 0.9, 0.0}, WallLaw{0.5, 0.2, 0.0}})
       for (const double z : {0.0, 0.7, 3.0, 4.999, 5.001, 9.0, 11.5}) {
         const Heap heap{800.0, surface};
         const double expected = z < surface ? sliced(heap, law.friction, law.lateral, law.hopper_deficit, z) : 0.0;
         // Fourth order with 2,000 steps (1e-11 by halving them), 1e-12 m between the branches.
-        EXPECT_NEAR(janssen(walls(), heap, law, z).vertical, expected, 1e-9 * 800.0 * kG * 24.0) << surface << " " << z << " " << law.friction;
+        const double found = janssen(walls(), heap, law, z).vertical;
+        EXPECT_NEAR(found, expected, 1e-9 * 800.0 * kG * 24.0) << surface << " " << z << " " << law.friction;
       }
 }
 
@@ -124,7 +134,8 @@ TEST(PressureTheory, WallsAndOutletCarryTheWeight) {
     }
     return sum;
   };
-  const double held = carried(0.0, 5.0, 1.0, 0.8) + carried(5.0, 22.0, 5.0, 0.0) + kPi * janssen(walls(), heap, law, 0.0).vertical;
+  const double on_outlet = kPi * janssen(walls(), heap, law, 0.0).vertical;
+  const double held = carried(0.0, 5.0, 1.0, 0.8) + carried(5.0, 22.0, 5.0, 0.0) + on_outlet;
   const double weight = 800.0 * kG * (kPi * 25.0 * 17.0 + kPi * 5.0 * (25.0 + 5.0 + 1.0) / 3.0);
   EXPECT_NEAR(held / weight, 1.0, 1e-6);  // midpoint rule, 4,000 slices
 }
@@ -154,13 +165,13 @@ TEST(PressureTheory, HydrostaticColumnOnHandMadeContactsIsFrictionless) {
   const SiloShape shape;
   const Meridian wall = meridian(shape);
   const Heap heap{kWaterDensity, 21.0};
-  State state;
-  state.add(0, Kind::content, {0.0, 0.0, 10.0}, Vec3::Zero(), 0.22);
-  for (const FixedBall& ball : build_walls(shape, 1).wall) state.add(std::ssize(state.id), Kind::wall, ball.at, Vec3::Zero(), ball.radius);
+  State state = wall_of(shape);
+  const core::BallId content = std::ssize(state.id);
+  state.add(content, Kind::content, {0.0, 0.0, 10.0}, Vec3::Zero(), 0.22);
   std::vector<Contact> contacts;
   for (const WallLoad& load : wall_loads(state, {}, shape)) {
     const double push = kWaterDensity * kG * std::max(0.0, 21.0 - load.position[2]) * load.area;
-    contacts.push_back({0, load.id, Kind::wall, 0.0, 0.0, -push * load.normal});
+    contacts.push_back({content, load.id, Kind::wall, 0.0, 0.0, -push * load.normal});
   }
   const auto loads = wall_loads(state, contacts, shape);
   const Layers layers{0.0, 25.0, 25};
@@ -199,7 +210,8 @@ TEST(PressureTheory, LevelHeapFindsTheSurfaceOfAnEvenFill) {
       for (double z = inside.outlet.z + 0.5 * step; z < surface; z += step)
         for (double x = -5.0 + 0.5 * step; x < 5.0; x += step)
           for (double y = -5.0 + 0.5 * step; y < 5.0; y += step)
-            if (depth_inside(section, inside, {x, y, z}) > 0.0) state.add(std::ssize(state.id), Kind::content, {x, y, z}, Vec3::Zero(), 0.03);
+            if (depth_inside(section, inside, {x, y, z}) > 0.0)
+              state.add(std::ssize(state.id), Kind::content, {x, y, z}, Vec3::Zero(), 0.03);
       const Heap heap = level_heap(state, shape, 1000.0);
       // The grid's surface is off by up to half a step (and by all of it between centre and mass, the centre counts twice).
       EXPECT_NEAR(heap.surface, surface, step);
@@ -244,14 +256,14 @@ TEST(PressureTheory, VerticalStressIsTheMeanForceThroughPlanes) {
   const int planes = 100000;
   double sum = 0.0;
   for (int i = 0; i < planes; ++i) {
-    const double z = 10.2 + 0.5 * (i + 0.5) / planes;
+    const double z = 10.2 + 0.7 * (i + 0.5) / planes;
     if (z < 10.37) sum += 100.0;
     if (z > 10.37 && z < 10.61) sum += 70.0;
     if (z > 10.61 && z < 10.76) sum += 30.0;
   }
-  const auto stress = stress_by_layer(state, contacts, shape, {10.2, 10.7, 1});
+  const auto stress = stress_by_layer(state, contacts, shape, {10.2, 10.9, 1});
   EXPECT_NEAR(stress[0].vertical * section, sum / planes, 100.0 * 3.0 / planes);  // a plane at each of three ends
-  EXPECT_NEAR(stress[0].horizontal * section * 0.5, 0.5 * (10.0 * 0.2 + 50.0 * 0.2), 1e-9);  // rounding
+  EXPECT_NEAR(stress[0].horizontal * section * 0.7, 0.5 * (10.0 * 0.2 + 50.0 * 0.2), 1e-9);  // rounding
   const auto none = stress_by_layer(state, contacts, shape, {-3.0, 0.0, 1});  // no volume below the hopper
   EXPECT_TRUE(std::isnan(none[0].vertical));
   EXPECT_THROW(stress_by_layer(state, {{0, 9, Kind::wall, 0.0, 0.0, Vec3::Zero()}}, shape, {10.2, 10.7, 1}), core::InputError);
@@ -259,8 +271,7 @@ TEST(PressureTheory, VerticalStressIsTheMeanForceThroughPlanes) {
 
 TEST(PressureTheory, RatiosOfKnownTractionsAreFound) {
   const SiloShape shape;
-  State state;
-  for (const FixedBall& ball : build_walls(shape, 1).wall) state.add(std::ssize(state.id), Kind::wall, ball.at, Vec3::Zero(), ball.radius);
+  const State state = wall_of(shape);
   const Layers layers{1.0, 9.0, 2};
   auto loads = wall_loads(state, {}, shape);
   const double slant = std::sqrt(41.0);
@@ -278,7 +289,8 @@ TEST(PressureTheory, RatiosOfKnownTractionsAreFound) {
   EXPECT_NEAR(ratios[0].lateral_at_wall, 0.5, 1e-12);
   EXPECT_NEAR(ratios_by_layer(loads, stress, {6.0, 24.0, 2})[1].friction, 0.3, 1e-12);
   EXPECT_NEAR(ratios_by_layer(loads, stress, {6.0, 24.0, 2})[1].lateral_at_wall, 0.4, 1e-12);
-  const auto unloaded = ratios_by_layer(wall_loads(state, {}, shape), std::vector<LayerStress>{{0.0, 0.0}, {0.0, 0.0}}, layers);
+  const std::vector<LayerStress> none{{0.0, 0.0}, {0.0, 0.0}};
+  const auto unloaded = ratios_by_layer(wall_loads(state, {}, shape), none, layers);
   EXPECT_TRUE(std::isnan(unloaded[0].friction));
   EXPECT_TRUE(std::isnan(unloaded[0].lateral));
   EXPECT_TRUE(std::isnan(unloaded[0].lateral_at_wall));
