@@ -135,6 +135,44 @@ std::vector<Observable> pressures(const State& state, const std::vector<Contact>
           row("vertical_stress", "Pa", vertical), row("horizontal_stress", "Pa", horizontal)};
 }
 
+double median(std::vector<double> values) {
+  std::erase_if(values, [](double value) { return !std::isfinite(value); });
+  if (values.empty()) return kUnknown;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// The closed forms at the middle of each layer, for a level heap of the content's mass and centre of mass. Janssen's friction
+/// and lateral ratio are what the state itself shows: medians over the layers of the shaft below the surface.
+std::vector<Observable> theory(const State& state, const std::vector<Contact>& contacts, const MeasuredSilo& silo) {
+  const std::vector<LayerRatios> ratios = ratios_by_layer(wall_loads(state, contacts, silo.shape),
+                                                          stress_by_layer(state, contacts, silo.shape, silo.layers), silo.layers);
+  const auto n = static_cast<std::size_t>(silo.layers.n);
+  std::vector<double> friction, lateral, of_janssen(n, kUnknown), of_water(n, kUnknown), of_fluid(n, kUnknown);
+  Heap heap{kUnknown, kUnknown};
+  if (state.count(core::Kind::content) > 0) heap = level_heap(state, silo.shape, silo.density);
+  const double height = (silo.layers.z1 - silo.layers.z0) / silo.layers.n;
+  const auto middle_of = [&](std::size_t k) { return silo.layers.z0 + (static_cast<double>(k) + 0.5) * height; };
+  for (std::size_t k = 0; k < n; ++k) {
+    if (!(middle_of(k) > silo.shape.hopper_height && middle_of(k) < heap.surface)) continue;
+    friction.push_back(ratios[k].friction);
+    lateral.push_back(ratios[k].lateral_at_wall);
+  }
+  const WallLaw law{std::max(0.0, median(friction)), median(lateral)};
+  const Meridian inside = inside_of(silo.shape);
+  for (std::size_t k = 0; k < n && std::isfinite(heap.surface); ++k) {
+    const double z = middle_of(k);
+    of_water[k] = frictionless(inside, {kWaterDensity, heap.surface}, z).horizontal;
+    of_fluid[k] = frictionless(inside, heap, z).horizontal;
+    if (law.lateral > 0.0 && std::isfinite(law.friction)) of_janssen[k] = janssen(inside, heap, law, z).horizontal;
+  }
+  return {one("heap_surface", "m", heap.surface), one("heap_density", "kg m-3", heap.density),
+          one("wall_friction", "", law.friction), one("lateral_ratio", "", law.lateral),
+          row("janssen_by_layer", "Pa", of_janssen), row("water_by_layer", "Pa", of_water),
+          row("frictionless_by_layer", "Pa", of_fluid)};
+}
+
 }  // namespace
 
 std::vector<Observable> moment_of(const State& state, const std::vector<Contact>& contacts, const State* before,
@@ -147,6 +185,7 @@ std::vector<Observable> moment_of(const State& state, const std::vector<Contact>
   add(arching(state, contacts, 2.0 * silo.shape.mean_radius()));
   add(flow(state, before, silo));
   add(pressures(state, contacts, silo));
+  add(theory(state, contacts, silo));
   return all;
 }
 
