@@ -73,6 +73,11 @@ std::vector<PhaseLaw> phase_laws(const toml::table& scene) {
 ContactFinder::ContactFinder(const RunReader& run) : run_(run), laws_(phase_laws(run.scene())) {}
 
 std::vector<PhaseLaw> ContactFinder::candidates(std::int64_t frame) const {
+  if (const auto phase = run_.observable("phase", frame)) {
+    const double number = phase->front();
+    if (!(number >= 0.0 && number < static_cast<double>(laws_.size()))) return {};
+    return {laws_[static_cast<std::size_t>(number)]};
+  }
   if (frame == 0) return {laws_.front()};
   constexpr double kGuard = 1e-9;  // s: far above the rounding of times, far below a step
   const double time = run_.times().at(static_cast<std::size_t>(frame)) - run_.times().front();

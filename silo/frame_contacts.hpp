@@ -35,9 +35,10 @@ class ContactFinder {
   /// `run` must outlive this.
   explicit ContactFinder(const RunReader& run);
 
-  /// Contacts in the frame of which `state` is the state. Where phases that end by a condition leave open which one the
-  /// frame belongs to, it is the one whose law gives the elastic energy and the wall forces that the run recorded (if
-  /// these cannot tell, the earlier one). Throws FileError where a frame fits no phase.
+  /// Contacts in the frame of which `state` is the state, by the law of the phase that the run recorded with it. Runs of
+  /// earlier versions did not record it: where phases that end by a condition leave it open, it is the one whose law gives
+  /// the elastic energy and the wall forces that were recorded (if these cannot tell, the earlier one).
+  /// Throws FileError where a frame fits no phase.
   FrameContacts contacts(std::int64_t frame, const core::State& state) const;
 
  private:

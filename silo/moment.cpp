@@ -150,8 +150,9 @@ std::vector<Observable> theory(const State& state, const std::vector<Contact>& c
                                                           stress_by_layer(state, contacts, silo.shape, silo.layers), silo.layers);
   const auto n = static_cast<std::size_t>(silo.layers.n);
   std::vector<double> friction, lateral, of_janssen(n, kUnknown), of_water(n, kUnknown), of_fluid(n, kUnknown);
+  const Meridian inside = inside_of(silo.shape);
   Heap heap{kUnknown, kUnknown};
-  if (state.count(core::Kind::content) > 0) heap = level_heap(state, silo.shape, silo.density);
+  if (count_above(state, inside.outlet.z) > 0) heap = level_heap(state, silo.shape, silo.density);
   const double height = (silo.layers.z1 - silo.layers.z0) / silo.layers.n;
   const auto middle_of = [&](std::size_t k) { return silo.layers.z0 + (static_cast<double>(k) + 0.5) * height; };
   for (std::size_t k = 0; k < n; ++k) {
@@ -160,7 +161,6 @@ std::vector<Observable> theory(const State& state, const std::vector<Contact>& c
     lateral.push_back(ratios[k].lateral_at_wall);
   }
   const WallLaw law{std::max(0.0, median(friction)), median(lateral)};
-  const Meridian inside = inside_of(silo.shape);
   for (std::size_t k = 0; k < n && std::isfinite(heap.surface); ++k) {
     const double z = middle_of(k);
     of_water[k] = frictionless(inside, {kWaterDensity, heap.surface}, z).horizontal;

@@ -247,7 +247,9 @@ class Run {
 
   void add_frame() {
     const State state = state_now();
-    file_.add({state.time, at_.total_steps, state, observe(*stepper_, state, at_.start, layers_)});
+    std::vector<Observable> observed = observe(*stepper_, state, at_.start, layers_);
+    observed.push_back({"phase", "", {}, {static_cast<double>(at_.phase)}});  // whose law its contacts follow
+    file_.add({state.time, at_.total_steps, state, std::move(observed)});
   }
 
   void save() {

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 
 namespace grainclock::silo {
 namespace {
@@ -92,6 +93,41 @@ TEST(FrameContacts, GiveTheEnergiesAndForcesThatTheRunRecorded) {
   // In some frames all balls fly, which tells nothing of the outlet; in these they touch.
   EXPECT_GT(open, 2);
   EXPECT_GT(closed_again, 1);
+}
+
+/// The same run as a version that did not record phases would have left it.
+std::string without_phases(const Scratch& scratch, const std::string& path) {
+  const RunReader run(path);
+  const std::string older = scratch / "older";
+  std::filesystem::create_directory(older);
+  const State start = RunFile::start_in(path);
+  RunFile file(older, start, {core::read_scene(scratch / "gated.toml", {}), 1, edges(*layers_of(start))});
+  for (std::int64_t frame = 0; frame < run.frames(); ++frame) {
+    Frame same{run.times()[static_cast<std::size_t>(frame)], run.step(frame), run.state(frame), {}};
+    for (const std::string& name : run.observables()) {
+      if (name == "phase") continue;
+      const std::vector<double> values = *run.observable(name, frame);
+      same.observables.push_back({name, "", values.size() == 1 ? std::vector<std::uint64_t>{} : std::vector<std::uint64_t>{values.size()}, values});
+    }
+    file.add(same);
+  }
+  file.flush();
+  return older;
+}
+
+TEST(FrameContacts, OlderRunsAreMatchedByTheirEnergiesAndForces) {
+  const Scratch scratch;
+  const std::string path = tests::gated_run(scratch);
+  const RunReader run(path), older(without_phases(scratch, path));
+  ASSERT_FALSE(older.observable("phase", 0));
+  const ContactFinder finder(run), matching(older);
+  for (std::int64_t frame = 0; frame < run.frames(); ++frame) {
+    const State state = run.state(frame);
+    const FrameContacts wanted = finder.contacts(frame, state), found = matching.contacts(frame, state);
+    ASSERT_EQ(found.contacts.size(), wanted.contacts.size());
+    for (std::size_t k = 0; k < wanted.contacts.size(); ++k) EXPECT_EQ(found.contacts[k].force, wanted.contacts[k].force) << state.time;
+    EXPECT_TRUE(wanted.contacts.empty() || found.outlet_open == wanted.outlet_open) << state.time;
+  }
 }
 
 TEST(FrameContacts, EmptyFramesHaveNone) {
