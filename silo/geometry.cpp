@@ -96,6 +96,10 @@ MeridianPoint Meridian::outward_normal(double along) const {
   return {(joint.z - outlet.z) / slant, -(joint.half_width - outlet.half_width) / slant};
 }
 
+Meridian inside_of(const SiloShape& shape) {
+  return meridian(shape, shape.surface == Surface::centres ? -shape.mean_radius() : 0.0);
+}
+
 double area(Section section, const Meridian& line) {
   const double hopper = 0.5 * (line.outlet.half_width + line.joint.half_width) * distance(line.outlet, line.joint);
   return perimeter_factor(section) * (hopper + line.joint.half_width * distance(line.joint, line.rim));

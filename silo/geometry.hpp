@@ -61,6 +61,8 @@ struct Meridian {
 
 /// The nominal surface moved outward (inward if negative) by `outward` [m]; the outlet's half width grows by as much.
 Meridian meridian(const SiloShape& shape, double outward = 0.0);
+/// Surface of the innermost points of mean wall balls, which bounds the content.
+Meridian inside_of(const SiloShape& shape);
 /// Area of the surface over a meridian [m2].
 double area(Section section, const Meridian& line);
 /// Volume inside the surface over a meridian between two heights [m3].

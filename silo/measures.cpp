@@ -18,12 +18,6 @@ void require_valid(const Layers& layers) {
 double height_of(const Layers& layers) { return (layers.z1 - layers.z0) / layers.n; }
 double edge(const Layers& layers, int i) { return i == layers.n ? layers.z1 : layers.z0 + i * height_of(layers); }
 
-/// The layer that holds the height z [m].
-std::optional<std::size_t> layer_at(const Layers& layers, double z) {
-  if (z < layers.z0 || z > layers.z1) return std::nullopt;
-  return static_cast<std::size_t>(std::min(layers.n - 1, static_cast<int>((z - layers.z0) / height_of(layers))));
-}
-
 /// Volume of the part of a ball of radius r around the origin below height h [m3].
 double volume_below(double r, double h) {
   const double cap = std::clamp(h + r, 0.0, 2.0 * r);
@@ -31,6 +25,11 @@ double volume_below(double r, double h) {
 }
 
 }  // namespace
+
+std::optional<std::size_t> layer_of(const Layers& layers, double z) {
+  if (z < layers.z0 || z > layers.z1) return std::nullopt;
+  return static_cast<std::size_t>(std::min(layers.n - 1, static_cast<int>((z - layers.z0) / height_of(layers))));
+}
 
 std::vector<double> packing_by_layer(const core::State& state, const SiloShape& shape, const Layers& layers) {
   require_valid(layers);
@@ -43,7 +42,7 @@ std::vector<double> packing_by_layer(const core::State& state, const SiloShape& 
     for (int i = static_cast<int>(std::max(0.0, first)); i <= static_cast<int>(std::min(last, layers.n - 1.0)); ++i)
       packing[static_cast<std::size_t>(i)] += volume_below(r, edge(layers, i + 1) - z) - volume_below(r, edge(layers, i) - z);
   }
-  const Meridian inside = meridian(shape, shape.surface == Surface::centres ? -shape.mean_radius() : 0.0);
+  const Meridian inside = inside_of(shape);
   for (int i = 0; i < layers.n; ++i) {
     double& share = packing[static_cast<std::size_t>(i)];
     const double volume = volume_between(shape.section, inside, edge(layers, i), edge(layers, i + 1));
@@ -66,7 +65,7 @@ std::vector<double> wall_force_by_layer(const core::State& state, const std::vec
   std::vector<double> force(static_cast<std::size_t>(layers.n), 0.0);
   for (std::size_t ball = 0; ball < state.size(); ++ball) {
     if (state.kind[ball] != core::Kind::wall) continue;
-    if (const auto layer = layer_at(layers, state.position[ball][2])) force[*layer] += std::hypot(on_ball[ball][0], on_ball[ball][1]);
+    if (const auto layer = layer_of(layers, state.position[ball][2])) force[*layer] += std::hypot(on_ball[ball][0], on_ball[ball][1]);
   }
   return force;
 }
@@ -76,7 +75,7 @@ std::vector<double> wall_area_by_layer(const core::State& state, const Layers& l
   std::vector<double> area(static_cast<std::size_t>(layers.n), 0.0);
   for (std::size_t ball = 0; ball < state.size(); ++ball) {
     if (state.kind[ball] != core::Kind::wall) continue;
-    if (const auto layer = layer_at(layers, state.position[ball][2])) area[*layer] += 4.0 * state.radius[ball] * state.radius[ball];
+    if (const auto layer = layer_of(layers, state.position[ball][2])) area[*layer] += 4.0 * state.radius[ball] * state.radius[ball];
   }
   return area;
 }

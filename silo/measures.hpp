@@ -17,6 +17,9 @@ struct Layers {
   int n;
 };
 
+/// The layer that holds the height z [m]; nothing outside.
+std::optional<std::size_t> layer_of(const Layers& layers, double z);
+
 /// Solid volume of content in each layer over the volume inside the silo's wall balls, balls cut exactly at the
 /// layers' edges. Inside means within the innermost points of mean wall balls. Layers below the hopper's lower edge
 /// or of no volume give 0. Throws InputError unless z0 < z1 and n >= 1 (as the next one does).

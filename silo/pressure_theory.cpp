@@ -123,10 +123,6 @@ WallStress frictionless(const Meridian& inside, const Heap& heap, double z) {
   return {pressure, pressure, 0.0, pressure * cosine};
 }
 
-Meridian inside_of(const SiloShape& shape) {
-  return meridian(shape, shape.surface == Surface::centres ? -shape.mean_radius() : 0.0);
-}
-
 Heap level_heap(const core::State& state, const SiloShape& shape, double density) {
   const Meridian inside = inside_of(shape);
   double cubes = 0.0, moment = 0.0;

@@ -52,9 +52,6 @@ WallStress janssen(const Meridian& inside, const Heap& heap, const WallLaw& law,
 /// Water (density kWaterDensity), or frictionless material of the heap's density: rho g depth on all sides.
 WallStress frictionless(const Meridian& inside, const Heap& heap, double z);
 
-/// Surface of the innermost points of mean wall balls, which bounds the content.
-Meridian inside_of(const SiloShape& shape);
-
 /// The heap of even density with a level surface that has the content's mass and centre of mass above the hopper's lower edge.
 /// `density`: of the solid [kg/m3]. Throws InputError if no content is there.
 Heap level_heap(const core::State& state, const SiloShape& shape, double density);

@@ -131,12 +131,6 @@ std::vector<WallLoad> wall_loads(const core::State& state, const std::vector<cor
   return loads;
 }
 
-std::optional<std::size_t> layer_of(const Layers& layers, double z) {
-  if (z < layers.z0 || z > layers.z1) return std::nullopt;
-  const double height = (layers.z1 - layers.z0) / layers.n;
-  return static_cast<std::size_t>(std::min(layers.n - 1, static_cast<int>((z - layers.z0) / height)));
-}
-
 std::vector<double> mean_by_layer(std::span<const WallLoad> loads, std::span<const double> values, const Layers& layers) {
   require_valid(layers);
   GC_REQUIRE(values.size() == loads.size(), "{} values for {} wall balls: need one for each", values.size(), loads.size());

@@ -36,9 +36,6 @@ struct WallLoad {
 /// in it. Only the surface of `shape` is used: a wall ball belongs to the nearest point of its meridian.
 std::vector<WallLoad> wall_loads(const core::State& state, const std::vector<core::Contact>& contacts, const SiloShape& shape);
 
-/// The layer that holds the height z [m]; nothing outside.
-std::optional<std::size_t> layer_of(const Layers& layers, double z);
-
 /// Mean over the area of the wall by layer of any value, one for each load, in its unit; NaN in layers without wall balls.
 /// Throws InputError unless z0 < z1 and n >= 1 (as the others here do) and there are as many values as loads.
 std::vector<double> mean_by_layer(std::span<const WallLoad> loads, std::span<const double> values, const Layers& layers);
