@@ -72,14 +72,14 @@ def draw_density(figure, story):
     time = np.where(shown, story.time, np.nan)
     axes[0].plot(time, story["density"], color=BLUE, lw=1.8)
     over_time(axes[0], story, "mean packing\nfraction", True)
-    excess = 100 * story["density_peak_excess"]
+    excess = np.where(shown & story.settled, 100 * story["density_peak_excess"], np.nan)
     axes[1].plot(time, excess, color=ORANGE, lw=1, alpha=0.45)
     axes[1].plot(time, running_mean(story.time, excess), color=ORANGE, lw=2)
-    for level, text in ((14, "paper, filling 14 %"), (17, "paper, discharge 17 %")):
+    for level, text, place in ((14, "paper, filling: up to 14 %", 12.6), (17, "paper, discharge: up to 17 %", 18.4)):
         axes[1].axhline(level, color=INK, lw=1, ls=(0, (4, 3)))
-        end_label(axes[1], text, INK, level)
-    over_time(axes[1], story, "densest place\nover the mean  [%]", ylim=(0, max(25, np.nanmax(np.append(excess[shown], 0)) * 1.05)))
-    axes[2].plot(time, story["density_peak_z"], ".", color=GREEN, ms=4)
+        end_label(axes[1], text, INK, place)
+    over_time(axes[1], story, "densest place\nover the mean  [%]", ylim=(0, 27))
+    axes[2].plot(np.where(story.settled, time, np.nan), story["density_peak_z"], ".", color=GREEN, ms=4)
     axes[2].axhline(story.joint, color=INK, lw=1, ls=(0, (4, 3)))
     end_label(axes[2], "transition", INK, story.joint)
     axes[2].plot(story.time, np.nanmax(story["surface_height"], axis=1, initial=-np.inf, where=np.isfinite(story["surface_height"])),
@@ -90,13 +90,11 @@ def draw_density(figure, story):
 def draw_layers(figure, story):
     axes = figure.subplots()
     packing = story["packing_by_layer"]
-    surface = np.nanmin(np.where(np.isfinite(story["surface_height"]), story["surface_height"], np.inf), axis=1)
     drawn = 0
     for mask, name, colour in ((story.rest, "at rest", MUTED), (story.discharge, "discharge to the hammer", BLUE),
                                (story.hammer, "hammer", RED)):
         if mask.any():
-            # Layers that the surface cuts are not full.
-            full = story.edges[1:] <= surface[mask].min()
+            full = story.covered(mask)
             axes.plot(packing[mask].mean(axis=0)[full], story.middles[full], "o-", color=colour, label=name, ms=4)
             drawn += full.any()
     if not drawn:
@@ -116,15 +114,17 @@ def draw_surface(figure, story):
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, len(chosen)))
     for k, colour in zip(chosen, colours):
         radius, height = story["surface_radius"][k], story["surface_height"][k]
-        profile.plot(radius, height, "o-", color=colour, ms=3.5, label=f"{story.time[k]:.0f} s, {percent(story.left[k])} left")
+        profile.plot(radius, height, "o-", color=colour, ms=3.5, label=f"{story.time[k]:.0f} s, {percent(story.left[k])}")
     profile.axhline(story.joint, color=INK, lw=1, ls=(0, (4, 3)))
     profile.set(xlabel="distance from the axis  [m]", ylabel="height of the surface  [m]", ylim=(0, None))
     soft_grid(profile)
-    profile.legend(frameon=False, fontsize=9, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    profile.legend(frameon=False, fontsize=9, loc="center left", bbox_to_anchor=(1.0, 0.5), title="time, share of\nballs still there", title_fontsize=9)
     shown = np.where(story.left > 0.1, story["surface_rise"], np.nan)
     rise.axhline(0, color=INK, lw=0.8)
     rise.plot(story.time, shown, color=BLUE, lw=1.8)
-    over_time(rise, story, "surface at the wall above that at the axis  [m]", True, xlabel="time  [s]")
+    flowing = shown[(story.time > story.opened) & np.isfinite(shown)]
+    reach = 1.25 * np.abs(flowing).max() if flowing.size else None
+    over_time(rise, story, "surface at the wall above that at the axis  [m]", True, xlabel="time  [s]", ylim=(-reach, reach) if reach else None)
     rise.text(0.02, 0.97, "above 0: concave", transform=rise.transAxes, fontsize=10, va="top", color=MUTED)
 
 
@@ -240,15 +240,15 @@ def draw_motion(figure, story):
     share, asymmetry = figure.subplots(2, 1, sharex=True)
     shown = np.where(story.left > 0.05, 1.0, np.nan)
     flowing = story.time > story.opened
-    known = np.where(flowing, shown, np.nan)
+    known = np.where(flowing & ~story.hammer, shown, np.nan)
     for name, colour, text in (("intensive_share", ORANGE, "faster than the mean sinking"), ("resting_share", BLUE, "slower than a tenth of it")):
         values = 100 * known * story[name]
-        share.plot(story.time, values, color=colour, lw=0.8, alpha=0.4)
+        share.plot(story.time, values, color=colour, lw=0.8, alpha=0.5)
         share.plot(story.time, running_mean(story.time, values), color=colour, lw=2, label=text)
     over_time(share, story, "share of the content\n[% of its mass]", True, ylim=(0, 100))
     share.legend(frameon=False, loc="upper right")
     mode, _ = flux_mode(story)
-    asymmetry.plot(story.time, 100 * known * np.abs(mode), color=PURPLE, lw=0.8, alpha=0.4, label="over one frame interval")
+    asymmetry.plot(story.time, 100 * known * np.abs(mode), color=PURPLE, lw=0.8, alpha=0.55, label="over one frame interval")
     asymmetry.plot(story.time, 100 * known * np.abs(mean_flux_mode(story)), color=PURPLE, lw=2, label=f"mean over {MEAN_OVER:.0f} s")
     top = np.nanmax(np.append(100 * known * np.abs(mode), 1.0))
     over_time(asymmetry, story, "mode 1 of the flux at the\ntransition over its sum  [%]", xlabel="time  [s]", ylim=(0, min(top, 60) * 1.25))
@@ -326,7 +326,7 @@ def draw_wall(figure, story):
         balls = unfolded(axes, story, values, Normalize(0, top))
         axes.set_title(title, loc="left", fontsize=11)
     all_axes[0].set_ylabel("up along the wall from the outlet  [m]")
-    colour_bar(figure, list(all_axes), balls, "horizontal pressure  [kPa]", extend="max", aspect=30)
+    colour_bar(figure, list(all_axes), balls, "horizontal pressure  [kPa]", extend="max", aspect=30, shrink=0.75)
 
 
 def unfolded(axes, story, values, norm):
@@ -369,7 +369,7 @@ def draw_pressure(figure, story):
         axes.axhline(story.joint, color=MUTED, lw=1, ls=(0, (4, 3)))
         soft_grid(axes)
     levels.text(0.99, story.joint, "transition ", ha="right", va="bottom", transform=levels.get_yaxis_transform(), fontsize=9, color=MUTED)
-    ratios.legend(frameon=False, fontsize=9.5, loc="upper right")
+    ratios.legend(frameon=False, fontsize=9.5, loc="upper right" if not np.nanmax(found.ratio(found.highest)) < 1.3 else "upper center")
 
 
 def pressure_rows(story):
@@ -452,7 +452,7 @@ def draw_lateral(figure, story):
             axes.set_axis_off()
             continue
         for a, colour in enumerate((BLUE, ORANGE)):
-            frequency, density = spectrum(story.time[frames], force[frames, a])
+            frequency, density = spectrum(story.time[frames], force[frames, a], 7 if len(frames) >= 128 else 1)
             axes.loglog(frequency[1:], density[1:], color=colour, lw=1.2)
         step = np.diff(story.time[frames]).mean()
         axes.set(xlabel="frequency  [Hz]", ylabel="spectral density  [kN²/Hz]")

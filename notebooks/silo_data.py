@@ -17,6 +17,7 @@ import charts
 from charts import Frame, NothingToDraw
 
 BUSY = 0.25      # share of the content that must still be there for a moment of the emptying to count in a statement
+SETTLED = 0.95   # of the mean packing fraction at rest: from there on falling content counts as a heap
 MEAN_OVER = 10.0  # s, of running means
 FLOOR = 0.1      # of the largest static pressure: layers below it have no ratio of dynamic to static
 OVER = 0.1       # share by which a pressure must exceed its static value to count as overpressure
@@ -144,6 +145,12 @@ class Story:
     def hammer(self):
         return self.during([self.hammer_phase] if self.hammer_phase else [])
 
+    @cached_property
+    def settled(self):
+        """Frames from the first on in which the content is a heap: its mean packing fraction has reached SETTLED times that at rest."""
+        dense = np.flatnonzero(self["density"] >= SETTLED * mean(self["density"][self.rest if self.rest.any() else slice(None)]))
+        return self.time >= (self.time[dense[0]] if dense.size else np.inf)
+
     @property
     def hammer_span(self):
         """s, how long the hammer phase lasts."""
@@ -160,6 +167,11 @@ class Story:
         young = np.any([(self.time > begin) & (self.time < begin + 2.0) for begin in starts], axis=0) if starts else False
         later = self.flow & ~young
         return later if later.any() else self.flow
+
+    def covered(self, mask):
+        """Layers that the surface stays above in all frames of a mask."""
+        height = self["surface_height"][mask]
+        return self.edges[1:] <= (np.min(height[np.isfinite(height)]) if np.isfinite(height).any() else -np.inf)
 
     # ---------------------------------------------------------------- balls
 
@@ -453,14 +465,16 @@ def even_run(story, mask):
     return best
 
 
-def spectrum(time, values):
-    """One-sided spectral density of the departures from the mean under Hann's window: frequency [Hz], squared unit per Hz."""
+def spectrum(time, values, segments=1):
+    """One-sided spectral density of the departures from the mean: frequency [Hz], squared unit per Hz. Mean over so many stretches of equal
+    length and half overlap, each under Hann's window (Welch)."""
     step = (time[-1] - time[0]) / (len(time) - 1)
-    window = np.hanning(len(time) + 1)[:-1]
-    amplitude = np.fft.rfft((values - values.mean()) * window)
-    density = 2 * step * np.abs(amplitude) ** 2 / np.sum(window ** 2)
-    density[[0]] /= 2
-    return np.fft.rfftfreq(len(time), step), density
+    length = 2 * len(time) // (segments + 1)
+    window = np.hanning(length + 1)[:-1]
+    starts = np.linspace(0, len(time) - length, segments).astype(int)
+    density = np.mean([2 * step * np.abs(np.fft.rfft((values[k:k + length] - values[k:k + length].mean()) * window)) ** 2 for k in starts],
+                      axis=0) / np.sum(window ** 2)
+    return np.fft.rfftfreq(length, step), density
 
 
 @dataclass
@@ -492,11 +506,12 @@ def hammer_curves(story):
     pressure = story["pressure_by_layer"]
     static = pressure[story.rest].mean(axis=0)
     heavy = (static > FLOOR * np.nanmax(static)) & (np.nan_to_num(pressure[before].mean(axis=0)) > 0)
-    curves = [(f"layer above the transition ({story.edges[story.transition]:.2f} to {story.edges[story.transition + 1]:.2f} m)",
-               pressure[:, story.transition]), ("patch of Fig. 9", story.patch_pressure())]
+    name = lambda k: f"{story.edges[k]:.2f} to {story.edges[k + 1]:.2f} m"
+    curves = [(f"layer above the transition ({name(story.transition)})", pressure[:, story.transition]), ("patch of Fig. 9", story.patch_pressure())]
     if heavy.any():
         peaks = np.where(heavy, np.nan_to_num(pressure[window].max(axis=0) / np.where(static > 0, static, np.nan)), 0)
         worst = int(np.argmax(peaks))
-        curves.append((f"layer with the largest ratio ({story.edges[worst]:.2f} to {story.edges[worst + 1]:.2f} m)", pressure[:, worst]))
+        if worst != story.transition:
+            curves.append((f"layer with the largest ratio ({name(worst)})", pressure[:, worst]))
     curves.append(("all of the wall", total_force(story) / story.wall["area"].sum()))
     return [(name, time, values[window], values[story.rest].mean(), values[before].mean()) for name, values in curves]
