@@ -18,9 +18,11 @@ from charts import Frame, NothingToDraw
 
 BUSY = 0.25      # share of the content that must still be there for a moment of the emptying to count in a statement
 SETTLED = 0.95   # of the mean packing fraction at rest: from there on falling content counts as a heap
-MEAN_OVER = 10.0  # s, of running means
+YOUNG = 5.0      # s, that flow takes to build up after the outlet is opened
+MEAN_OVER = 10.0 # s, of running means
 FLOOR = 0.1      # of the largest static pressure: layers below it have no ratio of dynamic to static
 OVER = 0.1       # share by which a pressure must exceed its static value to count as overpressure
+LATE = 0.1       # of the time between frames, by which a phase's end can follow the frame that fulfils its condition
 PATCH = 1.5      # half width and half height of the patch of Fig. 9 in mean ball diameters
 # Edges of series/force_distribution, in mean forces: kForceEdges of silo/moment.cpp.
 FORCE_EDGES = np.array([0, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10])
@@ -42,8 +44,8 @@ class Phase:
 
 
 def end_of(phase, begin, every, time, discharged, balls):
-    """When a phase ended [s]. One that a condition ended did so at the first frame off its grid, as a rule; on the grid the count of
-    balls that have left tells."""
+    """When a phase of a run that does not record phases ended [s]. Where a condition ended it, that is the first frame off the phase's
+    grid, or the one on it at which the balls that left fulfil the condition; runs notice it a few steps later (LATE)."""
     if "duration" in phase:
         return begin + phase["duration"]
     later = time > begin + 1e-9
@@ -53,18 +55,19 @@ def end_of(phase, begin, every, time, discharged, balls):
     kind, _, share = phase["until"].partition(":")
     wanted = {"discharged": before + float(share or 0) * (balls - before), "empty": balls}.get(kind, np.inf)
     fulfilled = time[later & (discharged >= wanted)]
-    if fulfilled.size and not (off_grid.size and off_grid[0] <= fulfilled[0] + every):
+    if fulfilled.size and not (off_grid.size and off_grid[0] <= fulfilled[0] + LATE * every):
         return fulfilled[0]
     return off_grid[0] if off_grid.size else min(time[-1], begin + phase.get("max_duration", np.inf))
 
 
-def read_phases(scene, time, discharged, balls):
+def read_phases(scene, time, discharged, balls, recorded=None):
+    """`recorded`: number of the phase of each frame, where the run tells; else ends are found."""
     phases, begin = [], 0.0
-    for phase in scene.get("phase", []):
+    for k, phase in enumerate(scene.get("phase", [])):
         if begin >= time[-1]:
             break
         every = phase.get("every", scene.get("output", {}).get("every", phase.get("duration", 1.0)))
-        end = end_of(phase, begin, every, time, discharged, balls)
+        end = end_of(phase, begin, every, time, discharged, balls) if recorded is None else time[recorded <= k][-1]
         contact = {**scene["contact"], **phase.get("contact", {})}
         phases.append(Phase(phase.get("name", ""), begin, end, phase.get("outlet") == "open", contact))
         begin = end
@@ -84,13 +87,14 @@ class Story:
             self.radius = content["radius"][:]
             self.fixed = Frame(fixed_balls["position"][:], None, fixed_balls["radius"][:], fixed_balls["kind"][:].astype(int))
             self.discharged_at_frames = file["observables/discharged/value"][:]
+            recorded = file["observables/phase/value"][:] if "phase" in file["observables"] else None
             self.kinetic_at_frames = file["observables/kinetic_energy/value"][:]
         with h5py.File(measures, "r") as file:
             self.time = file["time"][:]
             self.series = {name: dataset[:] for name, dataset in file["series"].items()}
             self.edges = file["series"].attrs["layer_edges"]
             self.wall = {name: dataset[:] for name, dataset in file["wall"].items()}
-        self.phases = read_phases(self.scene, self.frame_times, self.discharged_at_frames, len(self.radius))
+        self.phases = read_phases(self.scene, self.frame_times, self.discharged_at_frames, len(self.radius), recorded)
 
     def __getitem__(self, name):
         if name not in self.series:
@@ -162,9 +166,9 @@ class Story:
         return self.during([phase for phase in self.phases if phase.is_open]) & (self.left >= BUSY)
 
     def steady_flow(self):
-        """Flow without the first two seconds after each opening."""
+        """Flow without the first YOUNG seconds after each opening (all of it if nothing else is left)."""
         starts = [phase.begin for phase in self.phases if phase.is_open]
-        young = np.any([(self.time > begin) & (self.time < begin + 2.0) for begin in starts], axis=0) if starts else False
+        young = np.any([(self.time > begin) & (self.time < begin + YOUNG) for begin in starts], axis=0) if starts else False
         later = self.flow & ~young
         return later if later.any() else self.flow
 
