@@ -36,7 +36,7 @@ def density(run):
                          f"at a height of {np.nanmedian(z):.1f} m (median)")
     if not texts:
         raise NothingToDraw("the content never is a heap")
-    return ("Highest density over the mean, each place with its 12 nearest balls. " + "; ".join(texts) +
+    return ("Highest density over the mean, each place taken with its 12 nearest balls: " + "; ".join(texts) +
             f". The transition is at {run.joint:.1f} m. The mean packing fraction is {mean(run['density'][run.rest]):.3f} at rest and "
             f"{mean(run['density'][run.discharge]):.3f} in the discharge.")
 
@@ -109,14 +109,16 @@ def pressure(run):
             f"{kilo(found.lowest[k])} to {kilo(found.highest[k])}. The highest layer mean in the discharge is {kilo(found.highest[top])} at {run.middles[top]:.1f} m. ")
     if np.isfinite(ratio).any():
         worst = int(np.nanargmax(ratio))
-        text += (f"Dynamic over static pressure by layer reaches {ratio[worst]:.2f} (at {run.middles[worst]:.1f} m) (layers with a static pressure above "
-                 f"{percent(FLOOR)} of the largest)")
-        text += f" and falls to {np.nanmin(lowest):.2f} in layers that stay covered." if np.isfinite(lowest).any() else "."
-    for name, what in (("janssen_by_layer", "Janssen"), ("water_by_layer", "water"), ("frictionless_by_layer", "frictionless material")):
-        if name in run.series:
-            value = mean_of_rows(run[name][run.rest])[k]
-            if np.isfinite(value) and value > 0:
-                text += f" {what} would give {kilo(value)} at the transition: at rest {found.static[k] / value:.2f}, at most {found.highest[k] / value:.2f} times that."
+        text += f"Dynamic over static pressure by layer is {ratio[worst]:.2f} at most (at {run.middles[worst]:.1f} m)"
+        text += f" and {np.nanmin(lowest):.2f} at least in layers that stay covered" if np.isfinite(lowest).any() else ""
+        text += f" (layers with a static pressure above {percent(FLOOR)} of the largest)."
+    for name, what in (("janssen_by_layer", "Janssen's formula, with the friction and the lateral ratio of the state at rest,"), ("water_by_layer", "Water"),
+                       ("frictionless_by_layer", "Frictionless material")):
+        value = mean_of_rows(run[name][run.rest]) if name in run.series else np.array([np.nan])
+        if np.isfinite(value).any() and np.nanmax(value) > 0:
+            heavy = np.where(value > FLOOR * np.nanmax(value), value, np.nan)
+            text += (f" {what} would give {kilo(value[k])} there; layer by layer the pressure is {np.nanmin(found.static / heavy):.2f} to {np.nanmax(found.static / heavy):.2f} times "
+                     f"that at rest, and {np.nanmax(found.highest / heavy):.2f} times at most in the discharge.")
     return text
 
 

@@ -66,18 +66,18 @@ class Story(unittest.TestCase):
             for name in THEORIES:
                 self.assertEqual(file["series"][name].shape, file["series/pressure_by_layer"].shape)
                 del file["series"][name]
-        self.assertIn("Janssen would give", page)
+        self.assertIn("Janssen&#x27;s formula", page)
         done, page = self.build("story", "--out", out)
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertNotIn("frames measured", done.stdout)
-        self.assertNotIn("Janssen would give", page)
+        self.assertNotIn("Janssen&#x27;s formula", page)
         self.assertEqual(set(re.findall(r'<img alt="(\w+) chart"', page)), set(silo_charts.CHARTS))
         # An older file is measured again.
         os.utime(measures, (1, 1))
         done, page = self.build("story")
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertIn("frames measured", done.stdout)
-        self.assertIn("Janssen would give", page)
+        self.assertIn("Janssen&#x27;s formula", page)
 
     def test_a_run_without_discharge_says_what_is_missing(self):
         self.run_of("closed", phases=2)
