@@ -32,8 +32,8 @@ using core::Vec3;
 using core::share_work;
 
 constexpr double kReachRoom = 1.0 + 1e-6;    // recorded overlaps are rounded to seven digits
-constexpr int kMostCoarseSteps = 8;     // between regular renewals
-constexpr double kRenewalPhase = 1.6;   // omega times the time between renewals, of two mean balls
+constexpr int kMostCoarseSteps = 8;    // between regular renewals
+constexpr double kRenewalPhase = 1.6;  // omega times the time between renewals, of two mean balls
 
 /// Coarse steps between regular renewals of classes: while a pulse passes few balls only.
 int renew_every(const core::Materials& materials, double diameter, double coarsest_step) {
@@ -185,7 +185,8 @@ class MultirateStepper final : public core::BallStepper {
     const core::PairSpan span{pairs.i.data() + range.begin, pairs.j.data() + range.begin, range.end - range.begin};
     core::CandidateList& found = found_[static_cast<std::size_t>(t)];
     core::Candidates candidates = found.room_for(span.n);
-    setup_.kernels->sweep_weighted(balls_.rows.data(), span, law, level, steps_.sums_of(t), totals, events_ ? &candidates : nullptr);
+    setup_.kernels->sweep_weighted(balls_.rows.data(), span, law, level, steps_.sums_of(t), totals,
+                                   events_ ? &candidates : nullptr);
     found.take(candidates, range.begin);
     if (!totals.overloaded) examine(t, pairs, found.pairs(), law, [&](std::uint32_t) { return law.step; });
     return totals;
@@ -258,7 +259,8 @@ class MultirateStepper final : public core::BallStepper {
   template <class Work>
   void share_rows(Level level, Work work) {
     const std::vector<std::uint32_t>& rows = batches_.rows(level);
-    core::share_range(rows.size(), rows.size() >= kWorthThreads ? threads_ : 1, [&](int /*t*/, std::size_t begin, std::size_t end) {
+    const int parts = rows.size() >= kWorthThreads ? threads_ : 1;
+    core::share_range(rows.size(), parts, [&](int /*t*/, std::size_t begin, std::size_t end) {
       work(core::RowSpan{rows.data() + begin, end - begin});
     });
   }
@@ -430,12 +432,12 @@ class MultirateStepper final : public core::BallStepper {
   LevelChoice choice_;
   Batches batches_;
   BallSteps steps_;
-  std::vector<std::uint8_t> drifted_;       // per level: its rows have gone on to their next tick
+  std::vector<std::uint8_t> drifted_;          // per level: its rows have gone on to their next tick
   std::vector<core::RowShare> listed_shares_;  // per thread, of all listed pairs
   TouchedRows listed_touched_;
-  bool recorded_ = false;                   // the sums of this tick are of all listed pairs
-  std::vector<Totals> totals_;              // per thread
-  std::vector<core::CandidateList> found_;  // per thread
+  bool recorded_ = false;                      // the sums of this tick are of all listed pairs
+  std::vector<Totals> totals_;                 // per thread
+  std::vector<core::CandidateList> found_;     // per thread
   PairBook books_[2];                    // among balls, with fixed balls
   std::vector<Opened> opened_;
   std::vector<std::int64_t> balls_at_, contacts_at_;  // sums over coarse steps
