@@ -109,8 +109,8 @@ std::vector<Observable> flow(const State& state, const State* before, const Meas
           row("flux_direction", "rad", direction)};
 }
 
-std::vector<Observable> pressures(const State& state, const std::vector<Contact>& contacts, const MeasuredSilo& silo) {
-  const std::vector<WallLoad> loads = wall_loads(state, contacts, silo.shape);
+std::vector<Observable> pressures(const std::vector<WallLoad>& loads, const std::vector<LayerStress>& stresses,
+                                  const MeasuredSilo& silo) {
   std::vector<double> amplitude, crest, scatter;
   for (const LayerModes& layer : azimuthal_modes(loads, silo.layers, kModes)) {
     for (const Mode& mode : layer.mode) {
@@ -122,7 +122,7 @@ std::vector<Observable> pressures(const State& state, const std::vector<Contact>
   const std::uint64_t layers = static_cast<std::uint64_t>(silo.layers.n);
   const LateralResultant lateral = lateral_resultant(loads);
   std::vector<double> vertical, horizontal;
-  for (const LayerStress& stress : stress_by_layer(state, contacts, silo.shape, silo.layers)) {
+  for (const LayerStress& stress : stresses) {
     vertical.push_back(stress.vertical);
     horizontal.push_back(stress.horizontal);
   }
@@ -145,9 +145,9 @@ double median(std::vector<double> values) {
 
 /// The closed forms at the middle of each layer, for a level heap of the content's mass and centre of mass. Janssen's friction
 /// and lateral ratio are what the state itself shows: medians over the layers of the shaft below the surface.
-std::vector<Observable> theory(const State& state, const std::vector<Contact>& contacts, const MeasuredSilo& silo) {
-  const std::vector<LayerRatios> ratios = ratios_by_layer(wall_loads(state, contacts, silo.shape),
-                                                          stress_by_layer(state, contacts, silo.shape, silo.layers), silo.layers);
+std::vector<Observable> theory(const State& state, const std::vector<WallLoad>& loads, const std::vector<LayerStress>& stresses,
+                               const MeasuredSilo& silo) {
+  const std::vector<LayerRatios> ratios = ratios_by_layer(loads, stresses, silo.layers);
   const auto n = static_cast<std::size_t>(silo.layers.n);
   std::vector<double> friction, lateral, of_janssen(n, kUnknown), of_water(n, kUnknown), of_fluid(n, kUnknown);
   const Meridian inside = inside_of(silo.shape);
@@ -184,8 +184,10 @@ std::vector<Observable> moment_of(const State& state, const std::vector<Contact>
   add(forces(state, contacts));
   add(arching(state, contacts, 2.0 * silo.shape.mean_radius()));
   add(flow(state, before, silo));
-  add(pressures(state, contacts, silo));
-  add(theory(state, contacts, silo));
+  const std::vector<WallLoad> loads = wall_loads(state, contacts, silo.shape);
+  const std::vector<LayerStress> stresses = stress_by_layer(state, contacts, silo.shape, silo.layers);
+  add(pressures(loads, stresses, silo));
+  add(theory(state, loads, stresses, silo));
   return all;
 }
 
