@@ -1,6 +1,7 @@
 #include "silo/measures.hpp"
 
 #include "core/check.hpp"
+#include "silo/contact_graph.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -9,11 +10,6 @@
 
 namespace grainclock::silo {
 namespace {
-
-void require_valid(const Layers& layers) {
-  GC_REQUIRE(layers.n >= 1 && layers.z0 < layers.z1, "{} layers between z = {} m and {} m: need at least one, and z0 below z1",
-             layers.n, layers.z0, layers.z1);
-}
 
 double height_of(const Layers& layers) { return (layers.z1 - layers.z0) / layers.n; }
 double edge(const Layers& layers, int i) { return i == layers.n ? layers.z1 : layers.z0 + i * height_of(layers); }
@@ -25,6 +21,11 @@ double volume_below(double r, double h) {
 }
 
 }  // namespace
+
+void require_valid(const Layers& layers) {
+  GC_REQUIRE(layers.n >= 1 && layers.z0 < layers.z1, "{} layers between z = {} m and {} m: need at least one, and z0 below z1",
+             layers.n, layers.z0, layers.z1);
+}
 
 std::optional<std::size_t> layer_of(const Layers& layers, double z) {
   if (z < layers.z0 || z > layers.z1) return std::nullopt;
@@ -51,17 +52,18 @@ std::vector<double> packing_by_layer(const core::State& state, const SiloShape& 
   return packing;
 }
 
+std::vector<Vec3> forces_on_wall(const core::State& state, const std::vector<core::Contact>& contacts) {
+  std::vector<Vec3> force(state.size(), Vec3::Zero());
+  for (const core::Contact& contact : contacts) {
+    if (contact.other == core::Kind::wall) force[place_of(state, contact.j)] -= contact.force;
+  }
+  return force;
+}
+
 std::vector<double> wall_force_by_layer(const core::State& state, const std::vector<core::Contact>& contacts,
                                         const Layers& layers) {
   require_valid(layers);
-  std::vector<Vec3> on_ball(state.size(), Vec3::Zero());
-  for (const core::Contact& contact : contacts) {
-    if (contact.other != core::Kind::wall) continue;
-    const auto at = std::lower_bound(state.id.begin(), state.id.end(), contact.j);
-    GC_REQUIRE(at != state.id.end() && *at == contact.j, "wall ball {} of a contact is not in the state: pass the state that the "
-               "contacts belong to", contact.j);
-    on_ball[static_cast<std::size_t>(at - state.id.begin())] -= contact.force;
-  }
+  const std::vector<Vec3> on_ball = forces_on_wall(state, contacts);
   std::vector<double> force(static_cast<std::size_t>(layers.n), 0.0);
   for (std::size_t ball = 0; ball < state.size(); ++ball) {
     if (state.kind[ball] != core::Kind::wall) continue;

@@ -17,6 +17,8 @@ struct Layers {
   int n;
 };
 
+/// Throws InputError unless z0 < z1 and n >= 1.
+void require_valid(const Layers& layers);
 /// The layer that holds the height z [m]; nothing outside.
 std::optional<std::size_t> layer_of(const Layers& layers, double z);
 
@@ -24,6 +26,10 @@ std::optional<std::size_t> layer_of(const Layers& layers, double z);
 /// layers' edges. Inside means within the innermost points of mean wall balls. Layers below the hopper's lower edge
 /// or of no volume give 0. Throws InputError unless z0 < z1 and n >= 1 (as the next one does).
 std::vector<double> packing_by_layer(const core::State& state, const SiloShape& shape, const Layers& layers);
+
+/// Total contact force on each wall ball [N], one per ball of the state; zero on others. Throws InputError if a contact's
+/// wall ball is not in the state (as the next one does).
+std::vector<Vec3> forces_on_wall(const core::State& state, const std::vector<core::Contact>& contacts);
 
 /// Horizontal force on the wall by layer [N]: for each wall ball whose centre lies in the layer the length of the
 /// horizontal part of its total contact force (the paper's section 5.4), summed. The plug is not part of the wall.

@@ -1,6 +1,7 @@
 #include "silo/pressure_theory.hpp"
 
 #include "core/check.hpp"
+#include "silo/contact_graph.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -84,13 +85,6 @@ void add_line(std::vector<LayerStress>& stress, const Layers& layers, const Vec3
   }
 }
 
-std::size_t index_of(const core::State& state, core::BallId id) {
-  const auto at = std::lower_bound(state.id.begin(), state.id.end(), id);
-  GC_REQUIRE(at != state.id.end() && *at == id, "ball {} of a contact is not in the state: pass the state that the contacts "
-             "belong to", id);
-  return static_cast<std::size_t>(at - state.id.begin());
-}
-
 double ratio(double above, double below) { return below > 0.0 ? above / below : kNaN; }
 
 }  // namespace
@@ -147,11 +141,10 @@ Heap level_heap(const core::State& state, const SiloShape& shape, double density
 
 std::vector<LayerStress> stress_by_layer(const core::State& state, const std::vector<core::Contact>& contacts,
                                          const SiloShape& shape, const Layers& layers) {
-  GC_REQUIRE(layers.n >= 1 && layers.z0 < layers.z1, "{} layers between z = {} m and {} m: need at least one, and z0 below z1",
-             layers.n, layers.z0, layers.z1);
+  require_valid(layers);
   std::vector<LayerStress> stress(static_cast<std::size_t>(layers.n), {0.0, 0.0});
   for (const core::Contact& contact : contacts) {
-    const std::size_t i = index_of(state, contact.i), j = index_of(state, contact.j);
+    const std::size_t i = place_of(state, contact.i), j = place_of(state, contact.j);
     Vec3 line = state.position[i] - state.position[j];
     if (contact.other != core::Kind::content) line *= (state.radius[i] - 0.5 * contact.overlap) / line.norm();
     add_line(stress, layers, contact.force, state.position[i], line);

@@ -13,19 +13,6 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-/// Total contact force on each ball of the state that belongs to the wall [N].
-std::vector<Vec3> forces_on_wall(const core::State& state, const std::vector<core::Contact>& contacts) {
-  std::vector<Vec3> force(state.size(), Vec3::Zero());
-  for (const core::Contact& contact : contacts) {
-    if (contact.other != core::Kind::wall) continue;
-    const auto at = std::lower_bound(state.id.begin(), state.id.end(), contact.j);
-    GC_REQUIRE(at != state.id.end() && *at == contact.j, "wall ball {} of a contact is not in the state: pass the state that the "
-               "contacts belong to", contact.j);
-    force[static_cast<std::size_t>(at - state.id.begin())] -= contact.force;
-  }
-  return force;
-}
-
 /// Outward unit vector of the section at a point, horizontal; on a square's corner that of one of its sides.
 Eigen::Vector2d outward(Section section, const Vec3& at) {
   if (section == Section::round) {
@@ -58,11 +45,6 @@ double nearest_along(const Meridian& line, double half_width, double z) {
     return std::hypot(half_width - point.half_width, z - point.z);
   };
   return distance(on_hopper) < distance(on_shaft) ? on_hopper : on_shaft;
-}
-
-void require_valid(const Layers& layers) {
-  GC_REQUIRE(layers.n >= 1 && layers.z0 < layers.z1, "{} layers between z = {} m and {} m: need at least one, and z0 below z1",
-             layers.n, layers.z0, layers.z1);
 }
 
 /// The loads of each layer.
