@@ -4,12 +4,14 @@
 #   ./run.sh              everything on one start state (about twenty minutes on two cores)
 #   ./run.sh --starts 5   the full silo from five start states, over five seconds of discharge as well (an hour more)
 #   ./run.sh --quick      small scenes only (a minute or two, after the build)
-#   ./run.sh --threads N  for filling and pictures; studies compare methods on one core. Default: all cores
-# A run that was stopped goes on where it was with --continue DIR, the directory that it named.
+#   ./run.sh --story      instead of studies the paper's whole story on its full silo, from filling to empty, and what is measured of it
+#                         (a quarter of an hour on two cores; with --quick a small silo, a minute); notebooks/build.sh makes its pages
+#   ./run.sh --threads N  for filling, story and pictures; studies compare methods on one core. Default: all cores
+# A run that was stopped goes on where it was with --continue DIR, the directory that it named (for a story, with --story too).
 set -eu
 cd "$(dirname "$0")"
 
-usage() { sed -n '2,8s/^# \{0,1\}//p' "$0"; }
+usage() { sed -n '2,10s/^# \{0,1\}//p' "$0"; }
 fail() { echo "run.sh: $*; try --help" >&2; exit 2; }
 
 # Threads that wait for each other give way soon, so that a busy machine slows a run down by no more than its share.
@@ -17,7 +19,7 @@ export GOMP_SPINCOUNT="${GOMP_SPINCOUNT:-20000}"
 
 small="pair chain pile mini"
 others="interfaces fines inclusion small-outlet gas printed table1-printed stability mini-statistics table1-crosscheck" main=table1-flow
-seeds=1 threads=$(nproc) out=""
+seeds=1 threads=$(nproc) out="" story=""
 while [ $# -gt 0 ]; do
   case "$1" in
     --quick) small="pair chain pile" others="" main=mini ;;
@@ -25,6 +27,7 @@ while [ $# -gt 0 ]; do
       [ "${2:-}" = 1 ] || [ "${2:-}" = 5 ] || fail "--starts takes 1 or 5"
       [ "$2" = 1 ] || { main=table1-flow-starts seeds="1 2 3 4 5" others="$others table1-statistics"; }
       shift ;;
+    --story) story=1 ;;
     --threads)
       case "${2:-}" in "" | *[!0-9]* | 0*) fail "--threads takes a number above 0" ;; esac
       threads=$2
@@ -39,11 +42,15 @@ while [ $# -gt 0 ]; do
   shift
 done
 
+[ -z "$story" ] || [ "$main" != table1-flow-starts ] || fail "--story has one start: leave out --starts"
+
 # Steps with the minutes they take on two cores, for the estimate of the remaining time only.
 count() { echo "$*" | wc -w; }
 minutes_of() { case "$1" in table1-flow*) echo $((6 * $(count $seeds))) ;; table1-printed) echo 2 ;; *) echo 1 ;; esac; }
 left=3
 for study in $small $others $main; do left=$((left + $(minutes_of "$study"))); done
+[ -z "$story" ] || left=15
+[ -z "$story" ] || [ "$main" != mini ] || left=3
 began=$(date +%s)
 step() {  # step MINUTES TEXT: announces a step that takes about MINUTES
   echo
@@ -58,6 +65,25 @@ step 2 "Build"
 cmake --preset release >/dev/null
 cmake --build --preset release --target grainclock -j "$(nproc)"
 program=build/release/bin/grainclock
+
+if [ -n "$story" ]; then
+  scene=silo/scenes/table1-story.toml
+  [ "$main" != mini ] || scene=silo/scenes/mini.toml
+  [ -n "$out" ] || out=out/story-$(date +%Y%m%d-%H%M%S)
+  step 8 "Story: $scene, into $out (should this be stopped, go on with --story --continue $out)"
+  if [ ! -e "$out" ]; then
+    "$program" run "$scene" --out "$out" --threads "$threads"
+  elif [ ! -e "$out/final.h5" ]; then
+    "$program" resume "$out" --threads "$threads"
+  fi
+  step 5 "Measures"
+  if [ ! -e "$out/measures.h5" ] || [ "$out/run.h5" -nt "$out/measures.h5" ]; then
+    "$program" measure "$out" --threads "$threads"
+  fi
+  echo
+  echo "Done in $(($(date +%s) - began)) s. Now notebooks/build.sh $out makes pages of it, beside the paper's figures."
+  exit 0
+fi
 
 # A start state is kept under a name that changes with the scene that makes it and with the format of states.
 state_version=2

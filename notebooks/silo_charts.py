@@ -1,7 +1,7 @@
 """Charts of a silo's story beside the paper's figures, from a run and its measures.
 
 As a module: CHARTS, by name, each drawn from the Story that silo_data.read_story() gives; every draw_... fills an empty figure and
-raises NothingToDraw where the run has nothing to show. silo_story.ipynb puts them beside the paper's statements.
+raises NothingToDraw where the run has nothing to show. The notebooks put them beside the paper's statements.
 """
 
 import matplotlib
@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
 
-from silo_data import (FLOOR, FORCE_EDGES, MEAN_OVER, chance_of_flux, charts, discharge_moment, even_run, extremes, filling_views, flux_mode,
-                       hammer_curves, hammer_views, lasting_wave, lattice, mean_flux_mode, mean_of_rows, meandering_views, percent, running_mean, spectrum,
+from silo_data import (BESIDE, FLOOR, MEAN_OVER, beside, chance_of_flux, charts, discharge_moment, even_run, extremes, filling_views, flux_mode,
+                       bridged_view, hammer_curves, hammer_views, lasting_wave, lattice, mean, mean_flux_mode, mean_of_rows, meandering_views, percent, running_mean, spectrum,
                        stoppage_views, surface_moments, turned, unsymmetrical_views)
 from charts import GRID, INK, MUTED, WALL, Chart, Frame, NothingToDraw, colour_bar, fixed, soft_grid
 
@@ -18,6 +18,7 @@ BLUE, ORANGE, GREEN, RED, SKY, PURPLE = "#0072b2", "#d55e00", "#009e73", "#b2182
 # Both ends of turbo are dark; without them the lowest and the highest cannot be taken for each other.
 RAINBOW = LinearSegmentedColormap.from_list("rainbow", matplotlib.colormaps["turbo"](np.linspace(0.07, 0.93, 256)))
 LOADED = LinearSegmentedColormap.from_list("loaded", ["#eef0f3", *matplotlib.colormaps["inferno_r"](np.linspace(0.12, 0.9, 8))])
+NEAR = 2.0  # mean ball diameters: the surroundings of a place on the wall
 SHADES = {"filling": "#e8ecf1", "flow": "white", "hammer": "#f7d7cf"}
 
 # ------------------------------------------------------------------ axes over time
@@ -100,7 +101,7 @@ def draw_layers(figure, story):
     if not drawn:
         raise NothingToDraw("no layer is full")
     axes.axhline(story.joint, color=INK, lw=1, ls=(0, (4, 3)))
-    axes.text(0.99, story.joint, "transition ", ha="right", va="bottom", transform=axes.get_yaxis_transform(), fontsize=10)
+    axes.text(0.01, story.joint, "transition", va="bottom", transform=axes.get_yaxis_transform(), fontsize=10)
     axes.set(xlabel="packing fraction of the layer, mean over the phase", ylabel="height z  [m]", ylim=(0, story.edges[-1]))
     soft_grid(axes)
     axes.legend(frameon=False)
@@ -114,11 +115,12 @@ def draw_surface(figure, story):
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, len(chosen)))
     for k, colour in zip(chosen, colours):
         radius, height = story["surface_radius"][k], story["surface_height"][k]
-        profile.plot(radius, height, "o-", color=colour, ms=3.5, label=f"{story.time[k]:.0f} s, {percent(story.left[k])}")
-    profile.axhline(story.joint, color=INK, lw=1, ls=(0, (4, 3)))
-    profile.set(xlabel="distance from the axis  [m]", ylabel="height of the surface  [m]", ylim=(0, None))
+        middle = np.nanmean(height)
+        profile.plot(radius, height - middle, "o-", color=colour, ms=3.5, label=f"{story.time[k]:.0f} s, {percent(story.left[k])}, {middle:.1f} m")
+    profile.axhline(0, color=INK, lw=0.8)
+    profile.set(xlabel="distance from the axis  [m]", ylabel="height of the surface over its mean  [m]")
     soft_grid(profile)
-    profile.legend(frameon=False, fontsize=9, loc="center left", bbox_to_anchor=(1.0, 0.5), title="time, share of\nballs still there", title_fontsize=9)
+    profile.legend(frameon=False, fontsize=9, loc="center left", bbox_to_anchor=(1.0, 0.5), title="time, share of balls\nstill there, mean height", title_fontsize=9)
     shown = np.where(story.left > 0.1, story["surface_rise"], np.nan)
     rise.axhline(0, color=INK, lw=0.8)
     rise.plot(story.time, shown, color=BLUE, lw=1.8)
@@ -159,9 +161,7 @@ def section_axes(axes, story, title):
 
 def draw_forces(figure, story):
     distribution, over = figure.subplots(1, 2)
-    middle = 0.5 * (FORCE_EDGES[1:] + FORCE_EDGES[:-1])
-    if story["force_distribution"].shape[1] != len(middle):
-        raise NothingToDraw("series/force_distribution has other bins than this module knows")
+    middle = 0.5 * (story.force_edges[1:] + story.force_edges[:-1])
     for mask, name, colour in ((story.rest, "at rest", MUTED), (story.discharge, "discharge", BLUE), (story.hammer, "hammer", RED)):
         if mask.any():
             density = story["force_distribution"][mask].mean(axis=0)
@@ -213,7 +213,7 @@ def draw_arrows(axes, story, view, norm):
     """Mean velocities in squares of two diameters of a slab three thick; the length grows as the root of the speed."""
     place, velocity, apart, _ = story.mean_motion(view.moment)
     content = turned(Frame(place, velocity, np.zeros(len(place)), np.zeros(len(place), int)), view.azimuth)
-    fixed_balls = turned(Frame(story.fixed.position, np.zeros_like(story.fixed.position), story.fixed.radius, story.fixed.kind), view.azimuth)
+    fixed_balls = turned(story.fixed, view.azimuth)
     stays = (fixed_balls.kind == 1) | (not story.phase_at(view.moment).is_open)
     charts.discs(axes, charts.cut_by_plane(fixed_balls.keep(stays)), facecolors=WALL, edgecolors="none")
     near = np.abs(content.position[:, 1]) < 1.5 * story.diameter
@@ -284,7 +284,126 @@ def draw_meander(figure, story):
     over.legend(frameon=False)
 
 
+# ------------------------------------------------------------------ beats
+
+def draw_beats(figure, story):
+    """Between frames; what is shorter does not show."""
+    rate, energy = figure.subplots(2, 1, sharex=True)
+    shown = story.left > 0.02
+    apart = np.append(np.nan, np.diff(story.time))
+    gone = np.append(np.nan, -np.diff(story.left)) * len(story.radius)
+    # Single balls leave between the frames of the hammer.
+    values = np.where(shown & (story.time > story.opened) & (apart > 0.2), gone / np.where(apart > 0, apart, np.nan), np.nan)
+    rate.plot(story.time, values, ".-", color=ORANGE, lw=0.8, ms=2.5)
+    rate.plot(story.time, running_mean(story.time, values), color=INK, lw=1.6, label=f"mean over {MEAN_OVER:.0f} s")
+    over_time(rate, story, "discharge between\nframes  [balls/s]", True, ylim=(0, None))
+    rate.legend(frameon=False, loc="lower right")
+    inside = np.maximum(story.left * len(story.radius), 1)
+    moving = np.where(shown, story.kinetic_at_frames[story.frame_of] / inside, np.nan)
+    energy.plot(story.time, moving, color=BLUE, lw=1)
+    energy.set_yscale("log")
+    over_time(energy, story, "kinetic energy\n[J a ball in the silo]", xlabel="time  [s]")
+
+
 # ------------------------------------------------------------------ arches
+
+def draw_bridges(figure, story):
+    """The larger bridges of one moment: in a section, the widest from near, and speeds on both sides of all of them."""
+    view = bridged_view(story)
+    moment, bridges = view.moment, story.bridges(view.moment)
+    place, velocity, apart = story.motion_by_row(moment)
+    here = np.isfinite(velocity[:, 0])
+    speed = np.linalg.norm(velocity, axis=1)
+    top = np.nanquantile(speed, 0.995)
+    norm = LogNorm(top / 100, top)
+    section, near, sides = figure.subplots(1, 3, width_ratios=[1, 1.15, 1.2])
+    moved = Frame(place, velocity, story.radius, np.zeros(len(place), int))
+    draw_bridged_section(section, story, moved, here, bridges, norm, story.phase_at(moment).is_open)
+    section_axes(section, story, f"{view.title}, {story.time[moment]:.1f} s")
+    section.set_ylabel("z  [m]")
+    balls = draw_widest(near, story, moved, here, bridges, norm)
+    colour_bar(figure, [section, near], balls, f"mean speed over {apart:.2g} s  [m/s]", extend="both", shrink=0.7, location="bottom", aspect=50)
+    draw_sides(sides, story, place, speed, here, bridges)
+
+
+def bond_lines(axes, place, bonds, width):
+    """Bonds as dark lines with a light rim, seen along y."""
+    ends = place[bonds][:, :, [0, 2]]
+    for colour, more in (("white", 2.2), (INK, 0.0)):
+        axes.add_collection(LineCollection(ends, colors=colour, linewidths=width + more, capstyle="round", zorder=4))
+
+
+def draw_bridged_section(axes, story, moved, here, bridges, norm, is_open):
+    stays = (story.fixed.kind == 1) | (not is_open)
+    charts.discs(axes, charts.cut_by_plane(story.fixed.keep(stays)), facecolors=WALL, edgecolors="none")
+    content = charts.cut_by_plane(moved.keep(here))
+    discs = charts.discs(axes, content, cmap=RAINBOW, norm=norm, linewidths=0, alpha=0.55)
+    discs.set_array(np.linalg.norm(content.velocity, axis=1))
+    for bonds in bridges:
+        if np.abs(moved.position[np.unique(bonds), 1]).mean() < story.diameter:
+            bond_lines(axes, moved.position, bonds, 1.4)
+
+
+def draw_widest(axes, story, moved, here, bridges, norm):
+    """The surroundings of the widest bridge, seen across its span; other balls than those beside it are pale."""
+    flat = lambda balls: moved.position[balls][:, :2]
+    spans = [max(np.linalg.norm(flat(np.unique(b))[:, None] - flat(np.unique(b))[None], axis=2).ravel()) for b in bridges]
+    bonds = bridges[int(np.argmax(spans))]
+    members = np.unique(bonds)
+    middle = moved.position[members].mean(axis=0)
+    way = np.linalg.svd(flat(members) - middle[:2])[2][0]  # in which it extends most
+    shifted = Frame(moved.position - [middle[0], middle[1], 0], moved.velocity, moved.radius, moved.kind)
+    seen = turned(shifted, np.arctan2(way[1], way[0]))
+    above, below = beside(moved.position, moved.radius, members, BESIDE * story.diameter)
+    near = here & (np.abs(seen.position[:, 1]) < 1.5 * story.diameter)
+    discs = None
+    for mask, looks in ((near & ~above & ~below, {"facecolors": "#f0f1f4", "edgecolors": "#d9dce2"}),
+                        (here & (above | below), {"cmap": RAINBOW, "norm": norm, "edgecolors": "white", "alpha": 0.8}),
+                        (np.isin(np.arange(len(here)), members), {"cmap": RAINBOW, "norm": norm, "edgecolors": INK, "linewidths": 2.0})):
+        size = 2 * seen.radius[mask]
+        discs = axes.add_collection(EllipseCollection(size, size, np.zeros(len(size)), units="xy", offsets=seen.position[mask][:, [0, 2]],
+                                                      offset_transform=axes.transData, **looks))
+        if "cmap" in looks:
+            discs.set_array(np.linalg.norm(seen.velocity[mask], axis=1))
+    bond_lines(axes, seen.position, bonds, 2.6)
+    speed = np.linalg.norm(moved.velocity, axis=1)
+    coloured = here & (above | below)
+    way_of = seen.velocity[coloured][:, [0, 2]]
+    length = 0.9 * story.diameter * np.sqrt(np.clip(speed[coloured] / norm.vmax, 0, 1)) / np.maximum(speed[coloured], 1e-12)
+    axes.quiver(*seen.position[coloured][:, [0, 2]].T, *(way_of * length[:, None]).T, color=INK, angles="xy", scale_units="xy", scale=1.0,
+                width=0.005, zorder=5)
+    reach = (BESIDE + 1.0) * story.diameter
+    across = max(reach, np.abs(seen.position[members, 0]).max() + 2 * story.diameter)
+    axes.set(xlim=(-across, across), ylim=(seen.position[members, 2].min() - reach, seen.position[members, 2].max() + reach), aspect="equal",
+             xlabel="along the bridge  [m]")
+    axes.set_title(f"the widest, {max(spans):.1f} m, {len(members)} balls\nabove {100 * mean(speed[above & here]):.1f}, below {100 * mean(speed[below & here]):.1f} cm/s",
+                   loc="left", fontsize=11)
+    return discs
+
+
+def draw_sides(axes, story, place, speed, here, bridges):
+    """Mean speeds above over those below, bridge by bridge."""
+    rows = np.flatnonzero(here)
+    found = []
+    for bonds in bridges:
+        above, below = beside(place[rows], story.radius[rows], np.searchsorted(rows, np.unique(bonds)), BESIDE * story.diameter)
+        if above.any() and below.any():
+            found.append((speed[rows][below].mean(), speed[rows][above].mean(), len(np.unique(bonds))))
+    below, above, size = np.array(found).reshape(-1, 3).T
+    if not len(size):
+        return axes.set_axis_off()
+    for mask, text, colour, area in ((size < 7, "4 to 6 balls", GREEN, 14), (size >= 7, "7 and more", RED, 34)):
+        axes.scatter(100 * below[mask], 100 * above[mask], s=area, color=colour, alpha=0.7, lw=0, label=text)
+    ends = 100 * np.array([min(below.min(), above.min()), max(below.max(), above.max())]) * [0.8, 1.25]
+    axes.plot(ends, ends, color=INK, lw=1)
+    axes.plot(ends, 0.1 * ends, color=INK, lw=1, ls=(0, (4, 3)))
+    axes.text(ends[1], ends[1], "alike ", ha="right", va="bottom", fontsize=9)
+    axes.text(ends[1], 0.1 * ends[1], "a tenth ", ha="right", va="bottom", fontsize=9)
+    axes.set(xscale="log", yscale="log", xlim=ends, ylim=(0.5 * ends[0], ends[1]), xlabel="mean speed below  [cm/s]", ylabel="above  [cm/s]")
+    axes.set_title(f"both sides of {len(size)} bridges", loc="left", fontsize=11)
+    soft_grid(axes)
+    axes.legend(frameon=False, title="balls in the bridge", fontsize=9, title_fontsize=9)
+
 
 def draw_arches(figure, story):
     counts, beside = figure.subplots(2, 1, sharex=True)
@@ -318,15 +437,27 @@ def draw_wall(figure, story):
     maps.append((f"{story.phase_at(moment).name}, {story.time[moment]:.1f} s", pressure[moment]))
     if discharge.size > 1:
         maps.append((f"mean of {discharge.size} moments of the discharge", pressure[discharge].mean(axis=0)))
-    top = float(np.quantile(pressure[moment], 0.97))
-    if top <= 0:
-        raise NothingToDraw("nothing presses on the wall")
-    all_axes = figure.subplots(1, len(maps), sharey=True, squeeze=False)[0]
-    for axes, (title, values) in zip(all_axes, maps):
-        balls = unfolded(axes, story, values, Normalize(0, top))
-        axes.set_title(title, loc="left", fontsize=11)
-    all_axes[0].set_ylabel("up along the wall from the outlet  [m]")
-    colour_bar(figure, list(all_axes), balls, "horizontal pressure  [kPa]", extend="max", aspect=30, shrink=0.75)
+    near = near_on_wall(story, NEAR * story.diameter)
+    rows = [maps, [("", near @ values) for _, values in maps]]
+    grid = figure.subplots(2, len(maps), sharex=True, sharey=True, squeeze=False)
+    for line, (all_axes, row, text) in enumerate(zip(grid, rows, ("ball by ball", "mean of the surroundings"))):
+        top = max(float(np.quantile(values, 0.98)) for _, values in row)
+        if top <= 0:
+            raise NothingToDraw("nothing presses on the wall")
+        for axes, (title, values) in zip(all_axes, row):
+            balls = unfolded(axes, story, values, Normalize(0, top))
+            axes.set_title(title, loc="left", fontsize=11)
+            axes.set_xlabel("around the wall from +x  [m]" if line else "")
+        all_axes[0].set_ylabel(f"{text}\nup along the wall from the outlet  [m]")
+        colour_bar(figure, list(all_axes), balls, "horizontal pressure  [kPa]", extend="max", aspect=24, shrink=0.85)
+
+
+def near_on_wall(story, reach):
+    """Weights (wall balls squared) that give each wall ball the mean of all within a distance, by their areas."""
+    place = story.fixed.position[np.searchsorted(story.fixed_ids, story.wall["id"])]
+    square = np.sum(place ** 2, axis=1)
+    weight = (square[:, None] + square - 2 * place @ place.T <= reach ** 2) * story.wall["area"]
+    return weight / weight.sum(axis=1, keepdims=True)
 
 
 def unfolded(axes, story, values, norm):
@@ -337,8 +468,7 @@ def unfolded(axes, story, values, norm):
                                                   cmap=LOADED, norm=norm, linewidths=0))
     balls.set_array(values)
     reach = np.abs(place[:, 0]).max() + story.diameter
-    axes.set(xlim=(-reach, reach), ylim=(place[:, 1].min() - story.diameter, place[:, 1].max() + story.diameter), aspect="equal",
-             xlabel="around the wall from +x  [m]")
+    axes.set(xlim=(-reach, reach), ylim=(place[:, 1].min() - story.diameter, place[:, 1].max() + story.diameter), aspect="equal")
     away = np.abs(story.wall["z"] - story.joint)
     axes.axhline(np.median(story.wall["along"][away <= away.min() + 0.25 * story.diameter]), color=INK, lw=1, ls=(0, (4, 3)))
     return balls
@@ -368,7 +498,7 @@ def draw_pressure(figure, story):
     for axes in (levels, ratios):
         axes.axhline(story.joint, color=MUTED, lw=1, ls=(0, (4, 3)))
         soft_grid(axes)
-    levels.text(0.99, story.joint, "transition ", ha="right", va="bottom", transform=levels.get_yaxis_transform(), fontsize=9, color=MUTED)
+    levels.text(0.01, story.joint, "transition", va="bottom", transform=levels.get_yaxis_transform(), fontsize=9, color=MUTED)
     ratios.legend(frameon=False, fontsize=9.5, loc="upper right" if not np.nanmax(found.ratio(found.highest)) < 1.3 else "upper center")
 
 
@@ -501,8 +631,10 @@ CHARTS = {chart.name: chart for chart in (
     views_chart("closing", hammer_views),
     Chart("motion", "", draw_motion, fixed(12, 6.6)),
     Chart("meander", "", draw_meander, fixed(13, 5)),
+    Chart("beats", "", draw_beats, fixed(12, 5.6)),
+    Chart("bridges", "", draw_bridges, fixed(15, 8.6)),
     Chart("arches", "", draw_arches, fixed(12, 6.8)),
-    Chart("wall", "", draw_wall, fixed(16.5, 5.8)),
+    Chart("wall", "", draw_wall, fixed(15, 8.4)),
     Chart("pressure", "", draw_pressure, fixed(13, 7)),
     Chart("history", "", draw_history, fixed(13, 7)),
     Chart("modes", "", draw_modes, fixed(13.5, 5.4)),

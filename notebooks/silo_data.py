@@ -24,8 +24,7 @@ FLOOR = 0.1      # of the largest static pressure: layers below it have no ratio
 OVER = 0.1       # share by which a pressure must exceed its static value to count as overpressure
 LATE = 0.1       # of the time between frames, by which a phase's end can follow the frame that fulfils its condition
 PATCH = 1.5      # half width and half height of the patch of Fig. 9 in mean ball diameters
-# Edges of series/force_distribution, in mean forces: kForceEdges of silo/moment.cpp.
-FORCE_EDGES = np.array([0, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10])
+BESIDE = 4.0     # mean ball diameters above and below a bridge: kBeside of silo/moment.cpp
 
 
 # ------------------------------------------------------------------ reading
@@ -82,10 +81,13 @@ class Story:
         with h5py.File(run, "r") as file:
             told = charts.read_provenance(file)
             self.scene, self.seed = tomllib.loads(told["scene"]), told.get("seed", "?")
+            self.version = f"{told.get('version', '?')} ({told.get('git_revision', '?')[:12]})"
             content, fixed_balls = file["particles/content"], file["particles/wall"]
             self.frame_times = content["position/time"][:]
-            self.radius = content["radius"][:]
-            self.fixed = Frame(fixed_balls["position"][:], None, fixed_balls["radius"][:], fixed_balls["kind"][:].astype(int))
+            self.radius, self.ids = content["radius"][:], content["id"][:]
+            fixed_place = fixed_balls["position"][:]
+            self.fixed = Frame(fixed_place, np.zeros_like(fixed_place), fixed_balls["radius"][:], fixed_balls["kind"][:].astype(int))
+            self.fixed_ids = fixed_balls["id"][:]
             self.discharged_at_frames = file["observables/discharged/value"][:]
             recorded = file["observables/phase/value"][:] if "phase" in file["observables"] else None
             self.kinetic_at_frames = file["observables/kinetic_energy/value"][:]
@@ -93,6 +95,7 @@ class Story:
             self.time = file["time"][:]
             self.series = {name: dataset[:] for name, dataset in file["series"].items()}
             self.edges = file["series"].attrs["layer_edges"]
+            self.edges_of_forces = file["series"].attrs.get("force_edges")
             self.wall = {name: dataset[:] for name, dataset in file["wall"].items()}
         self.phases = read_phases(self.scene, self.frame_times, self.discharged_at_frames, len(self.radius), recorded)
 
@@ -100,6 +103,13 @@ class Story:
         if name not in self.series:
             raise NothingToDraw(f"the measures have no series {name}")
         return self.series[name]
+
+    @property
+    def force_edges(self):
+        """Edges of the classes of series/force_distribution, over the mean force."""
+        if self.edges_of_forces is None:
+            raise NothingToDraw("measures of an earlier version have no edges of the classes of forces; measure the run again")
+        return self.edges_of_forces
 
     # ---------------------------------------------------------------- moments and windows (masks over the measured frames)
 
@@ -195,15 +205,30 @@ class Story:
                      np.concatenate([self.radius[here], self.fixed.radius[stays]]),
                      np.concatenate([np.zeros(here.sum(), int), self.fixed.kind[stays]]), time=float(self.time[moment]))
 
-    def mean_motion(self, moment):
-        """Places, mean velocities from the frame before to a measured one, the time between [s] and radii of the content."""
+    def motion_by_row(self, moment):
+        """Places and mean velocities from the frame before to a measured one, for every ball of the run (nan once it has left), and the
+        time between [s]."""
         number = int(self.frame_of[moment])
         with h5py.File(self.run, "r") as file:
             place = file["particles/content/position/value"]
             before, after = place[max(number - 1, 0)], place[number]
         apart = self.frame_times[number] - self.frame_times[max(number - 1, 0)]
-        here = np.isfinite(before[:, 0]) & np.isfinite(after[:, 0])
-        return after[here], (after - before)[here] / max(apart, 1e-12), apart, self.radius[here]
+        return after, (after - before) / max(apart, 1e-12), apart
+
+    def mean_motion(self, moment):
+        """Places, mean velocities as above, the time between [s] and radii of the content that is there."""
+        place, velocity, apart = self.motion_by_row(moment)
+        here = np.isfinite(velocity[:, 0])
+        return place[here], velocity[here], apart, self.radius[here]
+
+    def bridges(self, moment):
+        """The larger bridges of a measured frame: of each the pairs of balls that support each other, as rows of the run's content."""
+        with h5py.File(self.measures, "r") as file:
+            if "bridges" not in file:
+                raise NothingToDraw("measures of an earlier version have no bridges; measure the run again")
+            first, last = file["bridges/begin"][moment:moment + 2]
+            bonds = np.searchsorted(self.ids, file["bridges/bonds"][first:last].reshape(-1, 2))
+        return connected(bonds)
 
     # ---------------------------------------------------------------- the silo
 
@@ -246,6 +271,33 @@ def read_story(run, measures=None):
     run = Path(run)
     run = run / "run.h5" if run.is_dir() else run
     return Story(run, measures or run.parent / "measures.h5")
+
+
+# ------------------------------------------------------------------ bridges
+
+def connected(bonds):
+    """Pairs (n x 2) sorted into sets that hang together: a list of arrays of pairs."""
+    root = {int(ball): int(ball) for ball in np.unique(bonds)}
+
+    def root_of(ball):
+        while root[ball] != ball:
+            ball = root[ball]
+        return ball
+
+    for a, b in bonds.tolist():
+        root[root_of(a)] = root_of(b)
+    names = np.array([root_of(a) for a in bonds[:, 0].tolist()])
+    return [bonds[names == name] for name in dict.fromkeys(names.tolist())]
+
+
+def beside(place, radius, members, reach):
+    """Balls above and below a bridge (two masks), as silo/arches.hpp has it: balls whose shadows overlap that of a member, and whose centres
+    are by more than their radii, and at most by `reach`, higher or lower than that of the horizontally nearest member."""
+    apart = np.linalg.norm(place[:, None, :2] - place[None, members, :2], axis=2)
+    nearest = members[np.argmin(np.nan_to_num(apart, nan=np.inf), axis=1)]
+    over = place[:, 2] - place[nearest, 2]
+    counts = (apart.min(axis=1) < radius + radius[nearest]) & (np.abs(over) > radius) & (np.abs(over) <= reach)
+    return counts & (over > 0), counts & (over < 0)
 
 
 # ------------------------------------------------------------------ numbers
@@ -375,6 +427,14 @@ def stoppage_views(story):
         return []
     later = int(np.argmin(np.abs(story.time - story.time[k] - 2.0)))
     return [View(int(k), "slowest flow"), View(later, "two seconds later")]
+
+
+def bridged_view(story):
+    """The moment of the flow at which the content sinks slowest, or without large bridges there one in the middle of the discharge."""
+    for view in [*stoppage_views(story)[:1], View(discharge_moment(story), "discharge")]:
+        if story.bridges(view.moment):
+            return view
+    raise NothingToDraw("the slowest moment and the middle of the discharge have no large bridge")
 
 
 def meandering_views(story):

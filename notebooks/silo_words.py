@@ -1,10 +1,10 @@
-"""What a silo's run shows, in sentences with figures: one function per section of silo_story.ipynb. Each raises NothingToDraw where the
+"""What a silo's run shows, in sentences with figures: one function per section of the notebooks. Each raises NothingToDraw where the
 run has nothing to tell."""
 
 import numpy as np
 
-from charts import NothingToDraw, amount
-from silo_data import (BUSY, FLOOR, FORCE_EDGES, MEAN_OVER, OVER, chance_of_flux, even_run, extremes, hammer_curves, lasting_wave, mean, mean_flux_mode,
+from charts import NothingToDraw, amount, short
+from silo_data import (BUSY, FLOOR, MEAN_OVER, OVER, chance_of_flux, even_run, extremes, hammer_curves, lasting_wave, mean, mean_flux_mode,
                        mean_of_rows, overpressure, percent, rates, spectrum, total_force)
 
 
@@ -16,6 +16,13 @@ def some(mask, what):
 
 def kilo(pascal):
     return f"{pascal / 1e3:.0f} kPa"
+
+
+def which(run):
+    silo, stepping = run.scene["silo"], run.scene["stepping"]
+    steps = f"{stepping['method']} steps" + (f" of {short(stepping['step'])} s" if "step" in stepping else "")
+    return (f"The run: {len(run.radius):,} balls in a {silo.get('shape', 'round')} silo, seed {run.seed}, {steps}, dampers of {short(run.scene['contact']['c_ball'])} and "
+            f"{short(run.scene['contact']['c_wall'])} N s/m (balls, wall), {len(run.time)} frames measured; grainclock {run.version}.")
 
 
 def story(run):
@@ -43,16 +50,18 @@ def density(run):
 
 def surface(run):
     flow = some(run.steady_flow(), "flow")
-    rise = run["surface_rise"][flow]
-    return (f"At rest the surface at the wall is {100 * mean(run['surface_rise'][run.rest]):+.0f} cm above that at the axis; in flow (while at least "
+    rise, height = run["surface_rise"][flow], run["surface_height"][flow]
+    inner = mean(height[:, -2] - height[:, 0])  # the outermost ring holds balls that the wall keeps from standing there
+    text = (f"At rest the surface at the wall is {100 * mean(run['surface_rise'][run.rest]):+.0f} cm above that at the axis; in flow (while at least "
             f"{percent(BUSY)} is there) {100 * mean(rise):+.0f} cm on the mean, {100 * np.nanmax(rise):+.0f} cm at most; it is concave in "
             f"{percent(np.mean(rise > 0))} of the frames. A dish of {100 * mean(rise):.0f} cm is {mean(rise) / run.diameter:.1f} ball diameters deep.")
+    return text + (f" From the innermost ring to the last but one the surface rises by {100 * inner:.0f} cm on the mean." if np.isfinite(inner) else "")
 
 
 def forces(run):
     busy = some(run.discharge, "discharge")
-    bins = FORCE_EDGES[:-1] >= 3
-    strong = (run["force_distribution"][busy].mean(axis=0) * np.diff(FORCE_EDGES))[bins].sum()
+    bins = run.force_edges[:-1] >= 3
+    strong = (run["force_distribution"][busy].mean(axis=0) * np.diff(run.force_edges))[bins].sum()
     return (f"In the discharge {percent(run['chain_share'][busy].mean())} of the balls are in compression chains and {percent(run['unloaded_share'][busy].mean(), 1)} "
             f"bear next to nothing (no push above a tenth of the mean). The mean contact pushes with {run['force_mean'][busy].mean() / 1e3:.1f} kN; "
             f"the share of forces above three times the mean is {percent(strong, 1)} (an exponential distribution: {percent(np.exp(-3), 1)}).")

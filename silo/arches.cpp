@@ -138,16 +138,17 @@ void add_bases(Bridge& bridge, const State& state, const std::vector<Support>& s
 Bridge bridge_of(const State& state, const std::vector<Support>& support, const std::vector<std::size_t>& places,
                  const std::vector<int>& bonds_of) {
   Bridge bridge;
-  int ends = 0, most = 0;  // over the members
+  int most = 0;  // bonds of a member
   double radius = 0.0;
   for (const std::size_t place : places) {
     bridge.members.push_back(state.id[place]);
-    ends += bonds_of[place];
     most = std::max(most, bonds_of[place]);
+    for (const BallId by : support[place].balls())
+      if (state.id[place] < by && support[place_of(state, by)].includes(state.id[place])) bridge.bonds.emplace_back(state.id[place], by);
     radius += state.radius[place] / static_cast<double>(places.size());
   }
-  bridge.bonds = ends / 2;
-  const bool is_open = bridge.bonds < static_cast<int>(places.size());
+  std::sort(bridge.bonds.begin(), bridge.bonds.end());
+  const bool is_open = bridge.bonds.size() < places.size();
   bridge.topology = most > 2 ? Topology::complex : is_open ? Topology::string : Topology::ring;
   add_bases(bridge, state, support, places);
 

@@ -24,6 +24,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace grainclock::silo {
@@ -62,10 +63,12 @@ enum class Shape {
   dome,  // extends in two horizontal directions, or in all three
 };
 
+using Bond = std::pair<core::BallId, core::BallId>;  // two balls that support each other, the smaller id first
+
 struct Bridge {
   std::vector<core::BallId> members;  // increasing, two at least
   std::vector<core::BallId> bases;    // increasing
-  int bonds = 0;                      // pairs of members that support each other
+  std::vector<Bond> bonds;            // increasing
   Topology topology = Topology::string;
   Shape shape = Shape::arch;
   bool on_wall = false;               // a base is a wall ball

@@ -20,13 +20,12 @@ namespace {
 
 using core::State;
 
-/// What is measured of one frame.
+/// One frame, and what is measured of it.
 struct Moment {
   double time = 0.0;  // s
   State state;
   std::vector<core::Contact> contacts;
-  std::vector<Observable> series;
-  std::vector<WallLoad> wall;
+  Reading reading;
   std::exception_ptr trouble;
 };
 
@@ -69,14 +68,17 @@ std::filesystem::path output_of(const std::filesystem::path& run, const MeasureO
 class Tables {
  public:
   void add(const Moment& moment) {
+    const Reading& reading = moment.reading;
     time_.push_back(moment.time);
-    if (columns_.empty()) columns_ = moment.series;
+    if (columns_.empty()) columns_ = reading.series;
     for (std::size_t k = 0; k < columns_.size() && time_.size() > 1; ++k) {
-      const std::vector<double>& values = moment.series[k].values;
+      const std::vector<double>& values = reading.series[k].values;
       columns_[k].values.insert(columns_[k].values.end(), values.begin(), values.end());
     }
-    wall_ = moment.wall;
-    for (const WallLoad& load : moment.wall) pressure_.push_back(load.pressure());
+    wall_ = reading.wall;
+    for (const WallLoad& load : reading.wall) pressure_.push_back(load.pressure());
+    for (const auto& [a, b] : reading.bonds) bonds_.insert(bonds_.end(), {static_cast<std::int64_t>(a), static_cast<std::int64_t>(b)});
+    bonds_begin_.push_back(static_cast<std::int64_t>(bonds_.size() / 2));
   }
 
   void write(const std::filesystem::path& path, const MeasuredSilo& silo) const {
@@ -87,8 +89,13 @@ class Tables {
     core::Hdf5Group series = file.create_group("series");
     for (const Observable& column : columns_) write_column(series, column);
     series.write_attribute(".", "layer_edges", edges(silo.layers));
+    series.write_attribute(".", "force_edges", force_edges());
     core::Hdf5Group wall = file.create_group("wall");
     write_wall(wall);
+    core::Hdf5Group bridges = file.create_group("bridges");
+    bridges.write("bonds", bonds_, {bonds_.size() / 2, 2});
+    bridges.write("begin", bonds_begin_);
+    bridges.write_attribute(".", "least", std::vector<std::int64_t>{kLargeBridge});
     file.close();
     aside.commit();
   }
@@ -120,6 +127,7 @@ class Tables {
   }
 
   std::vector<double> time_, pressure_;
+  std::vector<std::int64_t> bonds_, bonds_begin_{0};
   std::vector<Observable> columns_;
   std::vector<WallLoad> wall_;
 };
@@ -172,8 +180,7 @@ void measure_run(const std::string& path, const MeasureOptions& options) {
       Moment& moment = some[static_cast<std::size_t>(t)];
       const State* its_before = t > 0 ? &some[static_cast<std::size_t>(t) - 1].state : before ? &*before : nullptr;
       try {
-        moment.series = moment_of(moment.state, moment.contacts, its_before, silo);
-        moment.wall = wall_loads(moment.state, moment.contacts, silo.shape);
+        moment.reading = moment_of(moment.state, moment.contacts, its_before, silo);
       } catch (...) {
         moment.trouble = std::current_exception();
       }

@@ -28,7 +28,6 @@ constexpr double kBeside = 4.0;          // mean diameters above and below a bri
 constexpr int kLargestBridge = 20;       // counts beyond it go into the last bin
 constexpr int kRings = 10;               // of the free surface
 constexpr int kModes = 3;                // around the axis
-const std::vector<double> kForceEdges{0, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10};  // over the mean
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
@@ -59,7 +58,7 @@ std::vector<Observable> surface(const State& state, const MeasuredSilo& silo) {
 }
 
 std::vector<Observable> forces(const State& state, const std::vector<Contact>& contacts) {
-  const ForceDistribution distribution = force_distribution(pushing_forces(state, contacts), kForceEdges);
+  const ForceDistribution distribution = force_distribution(pushing_forces(state, contacts), force_edges());
   const std::vector<Chain> chains = compression_chains(state, contacts);
   return {one("force_mean", "N", distribution.mean), row("force_distribution", "", distribution.density),
           one("unloaded_share", "", unloaded_share(state, contacts, kUnloaded)),
@@ -68,8 +67,7 @@ std::vector<Observable> forces(const State& state, const std::vector<Contact>& c
 }
 
 /// Bridges, and the mean over them of how fast balls above and below them move, as a share of the content's mean.
-std::vector<Observable> arching(const State& state, const std::vector<Contact>& contacts, double mean_diameter) {
-  const std::vector<Bridge> all = bridges(state, supports(state, contacts, Choice::strongest));
+std::vector<Observable> arching(const State& state, const std::vector<Bridge>& all, double mean_diameter) {
   std::vector<double> by_size(kLargestBridge + 1, 0.0);
   double arches = 0.0, on_wall = 0.0, span = 0.0, in_bridges = 0.0;
   for (const Bridge& bridge : all) {
@@ -173,22 +171,34 @@ std::vector<Observable> theory(const State& state, const std::vector<WallLoad>& 
           row("frictionless_by_layer", "Pa", of_fluid)};
 }
 
+std::vector<Bond> bonds_of_large(const std::vector<Bridge>& all) {
+  std::vector<Bond> bonds;
+  for (const Bridge& bridge : all)
+    if (bridge.members.size() >= kLargeBridge) bonds.insert(bonds.end(), bridge.bonds.begin(), bridge.bonds.end());
+  return bonds;
+}
+
 }  // namespace
 
-std::vector<Observable> moment_of(const State& state, const std::vector<Contact>& contacts, const State* before,
-                                  const MeasuredSilo& silo) {
-  std::vector<Observable> all;
+const std::vector<double>& force_edges() {
+  static const std::vector<double> edges{0, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10};
+  return edges;
+}
+
+Reading moment_of(const State& state, const std::vector<Contact>& contacts, const State* before, const MeasuredSilo& silo) {
+  const std::vector<Bridge> all_bridges = bridges(state, supports(state, contacts, Choice::strongest));
+  Reading reading{{}, wall_loads(state, contacts, silo.shape), bonds_of_large(all_bridges)};
+  std::vector<Observable>& all = reading.series;
   const auto add = [&all](std::vector<Observable> group) { std::move(group.begin(), group.end(), std::back_inserter(all)); };
   add(packing(state, silo));
   add(surface(state, silo));
   add(forces(state, contacts));
-  add(arching(state, contacts, 2.0 * silo.shape.mean_radius()));
+  add(arching(state, all_bridges, 2.0 * silo.shape.mean_radius()));
   add(flow(state, before, silo));
-  const std::vector<WallLoad> loads = wall_loads(state, contacts, silo.shape);
   const std::vector<LayerStress> stresses = stress_by_layer(state, contacts, silo.shape, silo.layers);
-  add(pressures(loads, stresses, silo));
-  add(theory(state, loads, stresses, silo));
-  return all;
+  add(pressures(reading.wall, stresses, silo));
+  add(theory(state, reading.wall, stresses, silo));
+  return reading;
 }
 
 }  // namespace grainclock::silo

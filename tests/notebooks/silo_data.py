@@ -1,7 +1,8 @@
 #!/usr/bin/python3
-"""Fast tests of what the silo's notebook reads off series (notebooks/silo_data.py), and of the errors of notebooks/build.sh."""
+"""Fast tests of what the silo's notebooks read off series (notebooks/silo_data.py), and of the errors of notebooks/build.sh."""
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -94,6 +95,25 @@ class Series(unittest.TestCase):
         self.assertEqual(silo_data.overpressure(np.arange(3.0), np.ones(3), 1.0).lasts, 0.0)
 
 
+class Bridges(unittest.TestCase):
+    def test_bonds_that_share_balls_are_one_bridge(self):
+        bonds = np.array([[1, 9], [2, 9], [3, 7], [2, 4], [5, 7]])
+        found = silo_data.connected(bonds)
+        self.assertEqual([sorted(map(tuple, bridge)) for bridge in found], [[(1, 9), (2, 4), (2, 9)], [(3, 7), (5, 7)]])
+        self.assertEqual(silo_data.connected(bonds[:0]), [])
+
+    def test_beside_a_row_of_two(self):
+        """Balls of radius 1; members 0 and 1 at (0, 0, 0) and (2, 0, 0)."""
+        place = np.array([[0, 0, 0], [2, 0, 0], [0, 0, 2], [3.9, 0, -3], [4.1, 0, -3], [1, 0, 0.9], [0, 0, 5], [np.nan] * 3])
+        above, below = silo_data.beside(place, np.ones(8), np.array([0, 1]), reach=4.0)
+        self.assertEqual(list(np.flatnonzero(above)), [2])  # ball 5 is not higher by more than its radius, ball 6 too high
+        self.assertEqual(list(np.flatnonzero(below)), [3])  # the shadow of ball 4 overlaps none
+        # The nearest member decides: over a high member, under none.
+        place[1, 2] = 6.0
+        above, below = silo_data.beside(place, np.ones(8), np.array([0, 1]), reach=9.0)
+        self.assertEqual((list(np.flatnonzero(above)), list(np.flatnonzero(below))), ([2, 6], [3]))
+
+
 class Build(unittest.TestCase):
     """Wrong arguments are named and end with 2."""
 
@@ -104,13 +124,31 @@ class Build(unittest.TestCase):
 
     def test_wrong_arguments(self):
         with tempfile.TemporaryDirectory() as empty:
-            for arguments, told in (((), "no RUN named"), (("--out", empty), "no RUN named"), ((empty,), f"there is no {empty}/run.h5"),
+            for arguments, told in (((empty,), f"there is no {empty}/run.h5"),
                                     ((empty, "--out"), "--out takes a directory"), ((empty, "two"), "one RUN"), (("--fast", empty), "'--fast'"),
                                     ((empty, "--threads", "none"), "--threads takes a number"), ((empty, "--threads"), "--threads takes a number")):
                 with self.subTest(arguments):
                     code, text = self.call(*arguments)
                     self.assertEqual(code, 2, text)
                     self.assertIn(told, text)
+
+    def test_the_newest_story_is_taken_where_none_is_named(self):
+        with tempfile.TemporaryDirectory() as scratch:
+            copy = Path(scratch)
+            (copy / "notebooks").mkdir()
+            shutil.copy(ROOT / "notebooks" / "build.sh", copy / "notebooks")
+            call = lambda *arguments: subprocess.run([copy / "notebooks" / "build.sh", *arguments], capture_output=True, text=True,
+                                                     env={**os.environ, "GRAINCLOCK_PROGRAM": "false"})
+            done = call()
+            self.assertEqual(done.returncode, 2)
+            self.assertIn("no RUN named", done.stderr)
+            for k, name in enumerate(("story-2", "story-1", "mini-3")):
+                (copy / "out" / name).mkdir(parents=True)
+                (copy / "out" / name / "run.h5").touch()
+                os.utime(copy / "out" / name / "run.h5", (k + 1, k + 1))
+            done = call()
+            self.assertNotEqual(done.returncode, 0)  # the program is `false`
+            self.assertIn(f"Measuring {copy}/out/story-1/run.h5", done.stdout)
 
     def test_help(self):
         code, text = self.call("--help")
@@ -122,7 +160,7 @@ class Build(unittest.TestCase):
             (Path(scratch) / "run.h5").touch()
             code, _ = self.call(scratch)  # the program is `false`
             self.assertNotEqual(code, 0)
-            self.assertEqual([path.name for path in Path(scratch).iterdir()], ["run.h5"])
+            self.assertEqual([path.name for path in Path(scratch).rglob("*.html")], [])
 
 
 if __name__ == "__main__":

@@ -1,0 +1,105 @@
+"""What the notebooks of a silo's run share: the run, and charts and sentences as outputs that GitHub shows too.
+
+GRAINCLOCK_RUN names a run.h5 or its directory, GRAINCLOCK_MEASURES what `grainclock measure` made of it (default: measures.h5 beside
+it); relative paths start at the repository. build.sh sets both.
+"""
+
+import html
+import json
+import os
+import re
+import sys
+from io import BytesIO
+from pathlib import Path
+
+from IPython.display import HTML, Image, Markdown, display
+from PIL import Image as Picture
+
+NOTEBOOKS = Path(__file__).resolve().parent
+ROOT = NOTEBOOKS.parent
+sys.path.insert(0, str(ROOT / "benchmarks"))
+import charts
+import silo_charts
+import silo_data
+import silo_words
+
+if not os.environ.get("GRAINCLOCK_RUN"):
+    raise SystemExit("GRAINCLOCK_RUN names no run.h5; notebooks/build.sh RUN measures a run and makes pages of it")
+DPI, COLOURS = 80, 128  # of stored pictures: they stay readable, and all of them below 2.5 MB
+measures = os.environ.get("GRAINCLOCK_MEASURES")
+story = silo_data.read_story(ROOT / os.environ["GRAINCLOCK_RUN"], ROOT / measures if measures else None)
+
+
+def which_run():
+    """One line that says of which run all that follows is."""
+    display(Markdown(f"*{silo_words.which(story)}*"))
+
+
+def beside(paper, ours):
+    """The paper's statement and this run's figures, side by side; `ours` is a function of silo_words."""
+    try:
+        told = ours(story)
+    except charts.NothingToDraw as reason:
+        told = f"Nothing to tell: {reason}."
+    show_table(["The paper", "This run"], [[paper, told]], "side")
+
+
+def show(*names):
+    """Charts of silo_charts by name; where there is none, a line that says why."""
+    for name in names:
+        try:
+            figure = charts.figure_of(silo_charts.CHARTS[name], story)
+        except charts.NothingToDraw as reason:
+            display(Markdown(f"*No {name} chart: {reason}.*"))
+        else:
+            display(Image(small_png(figure), metadata={"alt": f"{name} chart"}))
+
+
+def small_png(figure):
+    """A figure as PNG with a palette: a third of the bytes."""
+    raw, small = BytesIO(), BytesIO()
+    figure.savefig(raw, dpi=DPI, format="png")
+    Picture.open(raw).convert("RGB").quantize(COLOURS, kmeans=1, dither=Picture.Dither.NONE).save(small, format="png", optimize=True)
+    return small.getvalue()
+
+
+def show_table(titles, rows, looks="told"):
+    cells = lambda tag, row: "".join(f"<{tag}>{html.escape(str(cell))}</{tag}>" for cell in row)
+    body = "".join(f"<tr>{cells('td', row)}</tr>" for row in rows)
+    display(HTML(f'<table class="{looks}"><tr>{cells("th", titles)}</tr>{body}</table>'))
+
+
+def layers_table():
+    """The paper's Table 2 of this run."""
+    try:
+        show_table(*silo_charts.pressure_rows(story))
+    except charts.NothingToDraw as reason:
+        display(Markdown(f"*No table: {reason}.*"))
+
+
+# ------------------------------------------------------------------ the index
+
+def opening(notebook):
+    """Title and first sentence of a notebook."""
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    title, text = "".join(next(cell["source"] for cell in cells if cell["cell_type"] == "markdown")).split("\n", 1)
+    first = re.match(r".*?[.?](?=\s|$)", " ".join(text.split()))
+    return title.lstrip("# "), first.group() if first else ""
+
+
+def contents():
+    """Links to all notebooks, the figures first; build.sh turns those of pages that it made into links to pages."""
+    others = [path for path in NOTEBOOKS.glob("*.ipynb") if path.stem != "index"]
+    lines = []
+    for path in sorted(others, key=lambda path: (not path.stem.startswith("figure"), path.stem)):
+        title, first = opening(path)
+        lines.append(f"- [{title}]({path.name}): {first}")
+    display(Markdown("\n".join(lines)))
+
+
+def provenance():
+    """What the run file tells of its origin, but for the machine."""
+    import h5py
+    with h5py.File(story.run, "r") as file:
+        told = {key: value for key, value in charts.read_provenance(file).items() if key not in ("host", "scene")}
+    show_table(["", "the run"], sorted(told.items()), "side")
