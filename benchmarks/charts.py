@@ -1075,7 +1075,8 @@ class Flow:
 
 
 def read_flow(path):
-    """Last frame of a run.h5 (H5MD); balls that have left are dropped, and so is the plug while the outlet is open."""
+    """Last frame of a run.h5 (H5MD); balls that have left are dropped, and so is the plug while the outlet is open.
+    Raises NothingToDraw when all have left."""
     with h5py.File(path, "r") as file:
         scene = tomllib.loads(read_provenance(file).get("scene", ""))
         phase = (scene.get("phase") or [{}])[-1]
@@ -1083,6 +1084,8 @@ def read_flow(path):
         content, fixed = file["particles/content"], file["particles/wall"]
         position = content["position/value"][-1]
         here = np.isfinite(position[:, 0])
+        if not here.any():
+            raise NothingToDraw("all balls have left in the run's last frame")
         kind = fixed["kind"][:]
         stays = (kind == 1) | (phase.get("outlet") != "open")
         walls = stays.sum()

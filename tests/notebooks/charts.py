@@ -328,6 +328,15 @@ class Pictures(unittest.TestCase):
         self.assertGreater(len(expected), 50)
         self.assertEqual({tuple(pair) for pair in charts.pairs_within(position, radius)}, expected)
 
+    def test_a_run_that_has_run_empty_has_no_pictures(self):
+        with tempfile.TemporaryDirectory() as scratch:
+            path = Path(scratch) / "run.h5"
+            with h5py.File(path, "w") as file:
+                file["particles/content/position/value"] = np.full((2, 3, 3), np.nan)
+                file.create_group("particles/wall")
+            with self.assertRaisesRegex(charts.NothingToDraw, "all balls have left"):
+                charts.read_flow(path)
+
     def test_forces_by_hand(self):
         # Overlaps 0.1 (content pair, closing at 2 m/s), 0.05 (content on wall, opening so fast that it would pull).
         frame = charts.Frame(np.array([[0, 0, 0], [0.9, 0, 0], [0, 0, -0.95]]), np.array([[2.0, 0, 0], [0, 0, 0], [0, 0, -9.0]]),
