@@ -93,6 +93,7 @@ void BallStepper::load_synchronised(const State& state) {
 }
 
 void BallStepper::build_list(const std::vector<std::uint8_t>& leaving) {
+  require_slow();
   const std::vector<std::uint32_t>& order = list_.build(balls_, leaving);
   reorder_like(impacted_, order, balls_.spare, setup_.threads);
   if (!evaluated_.empty()) {
@@ -205,7 +206,7 @@ std::vector<std::uint8_t> BallStepper::find_leaving() {
       throw NumericsError(fmt::format(
           "ball {} is at {} m with velocity {} m/s at t = {:.6g} s: the numbers are no longer finite; use a smaller step "
           "(now {:.3g} s)",
-          balls_.id[row], point(x), point(velocity(r)), start_time_ + elapsed(), step_));
+          balls_.id[row], point(x), point(velocity(r)), start_time_ + elapsed(), step_), {balls_.id[row]});
     }
     if (domain.outlet_z && x.z() < *domain.outlet_z) {
       if (leaving.empty()) leaving.assign(balls_.content_count(), 0);
@@ -217,7 +218,7 @@ std::vector<std::uint8_t> BallStepper::find_leaving() {
       throw NumericsError(fmt::format(
           "ball {} left the domain at {} m with velocity {} m/s at t = {:.6g} s, not through the outlet: a hole in the "
           "wall, a ball over the rim, or a step too large (now {:.3g} s); check the geometry, [domain] and the step",
-          balls_.id[row], point(x), point(velocity(r)), start_time_ + elapsed(), step_));
+          balls_.id[row], point(x), point(velocity(r)), start_time_ + elapsed(), step_), {balls_.id[row]});
     }
   }
   if (leaving.empty()) return leaving;
@@ -242,6 +243,7 @@ std::vector<std::uint8_t> BallStepper::find_leaving() {
 
 void BallStepper::throw_overloaded(const std::function<bool(std::uint32_t)>& counts) const {
   double worst = -1.0;
+  std::vector<BallId> at;
   std::string text = "a contact force is not finite";
   for (const bool fixed : {false, true}) {
     const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
@@ -257,6 +259,7 @@ void BallStepper::throw_overloaded(const std::function<bool(std::uint32_t)>& cou
       const double excess = std::max(force / scale_.limit, 4.0 * overlap / (a.r + b.r));
       if (excess < worst) continue;
       if (std::isfinite(excess)) worst = excess;
+      at = {balls_.id_of(pairs.i[p]), balls_.id_of(pairs.j[p])};
       text = fmt::format("ball {} at {} m, velocity {} m/s, against {} {}: force {:.3g} N (limit {:.3g}), overlap {:.3g} m "
                          "(limit {:.3g}), rate {:.3g} m/s",
                          balls_.id_of(pairs.i[p]), point(position(a)), point(velocity(a)),
@@ -266,7 +269,21 @@ void BallStepper::throw_overloaded(const std::function<bool(std::uint32_t)>& cou
     }
   }
   throw NumericsError(fmt::format("blow-up in the step that began at t = {:.6g} s (step {:.3g} s): {}; use a smaller step",
-                                  start_time_ + elapsed(), step_, text));
+                                  start_time_ + elapsed(), step_, text),
+                      at);
+}
+
+void BallStepper::require_slow() const {
+  for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
+    const BallRow& r = balls_.rows[row];
+    const double stride = velocity(r).norm() * step_;
+    if (!(stride > 0.5 * r.r)) continue;  // what is not finite shows in the forces
+    throw NumericsError(
+        fmt::format("ball {} at {} m with velocity {} m/s at t = {:.6g} s moves by {:.3g} m in a step {:.3g} s long, more than half its "
+                    "radius of {:.3g} m: it may pass through others unseen; use a smaller step, or look for what made it so fast",
+                    balls_.id[row], point(position(r)), point(velocity(r)), start_time_ + elapsed(), stride, step_, r.r),
+        {balls_.id[row]});
+  }
 }
 
 void BallStepper::stop_first_impacts(std::vector<std::uint32_t>& rows) {

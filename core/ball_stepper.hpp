@@ -88,6 +88,9 @@ class BallStepper : public Stepper {
   /// Contacts of the pairs of rows for which counts(i, j), in order of ids.
   template <class Counts>
   std::vector<Contact> contacts_where(Counts counts) const;
+  /// Throws NumericsError for a ball that one step takes so far that it may pass through another. A list covers
+  /// balls' ways for some steps ahead: looking when lists are made is enough.
+  void require_slow() const;
   void book_events(const EventBook& book);
   void weigh();
 

@@ -6,8 +6,11 @@
 
 #include <fmt/format.h>
 
+#include <cstdint>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace grainclock::core {
 
@@ -28,8 +31,15 @@ struct InputError : Error {
   explicit InputError(const std::string& text) : Error(ExitCode::bad_input, text) {}
 };
 /// Blow-up, overlap beyond a limit, lost ball (exit code 3).
-struct NumericsError : Error {
-  explicit NumericsError(const std::string& text) : Error(ExitCode::numerics_failed, text) {}
+class NumericsError : public Error {
+ public:
+  /// `balls`: ids of those it was seen at, the worst first, if any can be named.
+  explicit NumericsError(const std::string& text, std::vector<std::int64_t> balls = {})
+      : Error(ExitCode::numerics_failed, text), balls_(std::move(balls)) {}
+  const std::vector<std::int64_t>& balls() const { return balls_; }
+
+ private:
+  std::vector<std::int64_t> balls_;
 };
 /// A missing, unreadable or unwritable file (exit code 4).
 struct FileError : Error {

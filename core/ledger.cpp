@@ -6,11 +6,13 @@
 
 namespace grainclock::core {
 
+double created_energy(const Energies& start, const Energies& now, const Ledger& l) {
+  return now.total() - start.total() + l.dissipated + l.first_impact + l.removed_energy - l.event_work - l.switched_energy;
+}
+
 double energy_residual(const Energies& start, const Energies& now, const Ledger& l) {
-  const double missing = now.total() - start.total() + l.dissipated + l.first_impact + l.removed_energy - l.event_work -
-                         l.switched_energy;
   const double scale = std::max(l.turned_over + start.kinetic + now.kinetic, std::numeric_limits<double>::min());
-  return std::abs(missing) / scale;
+  return std::abs(created_energy(start, now, l)) / scale;
 }
 
 double momentum_residual(const Energies& start, const Energies& now, const Ledger& l) {

@@ -32,7 +32,9 @@ struct Energies {
   double total() const { return kinetic + gravity + elastic; }
 };
 
-/// |E - E0 + dissipated + first_impact - event_work + removed - switched| over energy turned over.
+/// E - E0 + dissipated + first_impact - event_work + removed - switched [J]: what nothing that was booked accounts for.
+double created_energy(const Energies& start, const Energies& now, const Ledger& ledger);
+/// |created energy| over energy turned over.
 double energy_residual(const Energies& start, const Energies& now, const Ledger& ledger);
 /// |P - P0 - impulses| over the sum of |impulses|.
 double momentum_residual(const Energies& start, const Energies& now, const Ledger& ledger);

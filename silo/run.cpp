@@ -7,6 +7,8 @@
 #include "multirate/stepper.hpp"
 #include "silo/check.hpp"
 #include "silo/checkpoint.hpp"
+#include "silo/diagnosis.hpp"
+#include "silo/energy_watch.hpp"
 #include "silo/filling.hpp"
 #include "silo/observables.hpp"
 #include "silo/phases.hpp"
@@ -36,7 +38,10 @@ using Clock = std::chrono::steady_clock;
 constexpr const char* kSceneFile = "scene.toml";
 constexpr const char* kCheckpoints = "checkpoints";
 constexpr const char* kFinalState = "final.h5";
+constexpr const char* kDiagnosis = "diagnosis.h5";
 constexpr double kCheckEvery = 0.01;  // s simulated, between checks whether a phase is over
+// Coarsest steps between looks at the ledger: a look takes as long as some ten of them.
+constexpr std::int64_t kLookEvery = 2000;
 
 // A signal handler can reach nothing but a variable of this kind.
 volatile std::sig_atomic_t stop_signal = 0;
@@ -89,7 +94,7 @@ class Run {
     setup.steps_done = at_.steps;
     setup.ledger = at_.ledger;
     setup.costs = at_.costs;
-    stepper_ = multirate::make_stepper(checkpoint.state, setup);
+    make_stepper(checkpoint.state, setup);
     go();
   }
 
@@ -118,11 +123,16 @@ class Run {
       finish();
     } catch (const core::NumericsError& error) {
       file_.flush();
-      throw core::NumericsError(diagnosis(error.what()));
+      throw core::NumericsError(diagnosis(error), error.balls());
     }
   }
 
   // -------------------------------------------------------------- phases
+
+  void make_stepper(const State& state, const StepperSetup& setup) {
+    stepper_ = multirate::make_stepper(state, setup);
+    setup_ = setup;
+  }
 
   /// A new stepper for the phase at_.phase from this state; `before`: the stepper that it takes over from.
   void start_phase(State state, const Stepper* before) {
@@ -130,12 +140,12 @@ class Run {
     if (before) {
       setup.ledger = at_.ledger;
       setup.costs = before->costs();
-      stepper_ = multirate::make_stepper(state, setup);
+      make_stepper(state, setup);
       // What the energy jumps by is the switch's doing: other stiffness, a plug that comes or goes.
       const Energies energies = stepper_->energies();
       setup.ledger.switched_energy += energies.total() - energy_before_switch_;
     }
-    stepper_ = multirate::make_stepper(state, setup);
+    make_stepper(state, setup);
     at_.step = *setup.stepping.step;
     at_.fell_back = setup.stepping.method != phase().stepping.method ? 1 : 0;
     at_.steps = 0;
@@ -144,8 +154,7 @@ class Run {
     at_.watch = {-1, -1, discharged, static_cast<std::int64_t>(state.count(core::Kind::content)), discharged, 0};
 
     const Report report = phase_report(phase(), state, setup);
-    const core::StepBounds bounds = critical_steps(state, setup.materials, setup.outlet_open, setup.stepping);
-    critical_step_ = bounds.smallest;
+    critical_step_ = critical_steps(state, setup.materials, setup.outlet_open, setup.stepping).smallest;
     fmt::print("\nphase {} of {}, from {:.6g} s\n{}", at_.phase + 1, scene_.phases.size(), at_.phase_start,
                report.text(2));
     if (at_.fell_back != 0) {
@@ -200,20 +209,45 @@ class Run {
     progress_.emplace(phase().name, phase().duration, time_at(at_.steps) - at_.phase_start);
     const std::int64_t n_frame = steps_per_frame(), last = last_step();
     const bool is_watched = phase().until != core::Until::duration;
+    const double weight = static_cast<double>(stepper_->state().count(core::Kind::content)) * at_.mean.mass * scene_.gravity.norm();
+    EnergyWatch energy(at_.start, stepper_->energies(), stepper_->ledger(), weight * at_.mean.radius);
+    heat_warned_ = false;
+    missed_before_ = stepper_->costs().missed_contacts;
     const std::int64_t n_check = std::max<std::int64_t>(1, std::llround(kCheckEvery / at_.step));
     std::optional<std::string> reason;
     while (at_.steps < last && !reason) {
-      std::int64_t target = (at_.steps / n_frame + 1) * n_frame;
+      std::int64_t target = std::min((at_.steps / n_frame + 1) * n_frame, (at_.steps / kLookEvery + 1) * kLookEvery);
       if (is_watched) target = std::min(target, (at_.steps / n_check + 1) * n_check);
       advance_to(target);
       if (is_watched && at_.steps % n_check == 0)
         reason = phase_end(phase(), at_.mean, scene_.gravity.norm(), at_.step, at_.steps, stepper_->kinetic_energy(),
                            stepper_->ledger().discharged, at_.watch);
       if (at_.steps % n_frame == 0 || reason) add_frame();
+      if (at_.steps % kLookEvery == 0 || at_.steps == last || reason) look_at(energy);
     }
     progress_.reset();
     fmt::print("phase \"{}\" ends at {:.6g} s: {}\n", phase().name, time_at(at_.steps),
                reason ? *reason : is_watched ? "the longest time it may take is over" : "its duration is over");
+    std::fflush(stdout);
+  }
+
+  /// Steps may go wrong without anything flying apart: energy that nothing accounts for, contacts that were missed.
+  void look_at(EnergyWatch& energy) {
+    if (const auto created = energy.look(stepper_->energies(), stepper_->ledger())) {
+      if (created->spoils)
+        throw core::NumericsError(fmt::format("the steps heat the content, at {:.6g} s: {}; use a smaller step", time_at(at_.steps), created->text));
+      if (!heat_warned_) warn(fmt::format("the steps heat a few balls: {}; a smaller step would not", created->text));
+      heat_warned_ = true;
+    }
+    const std::uint64_t missed = stepper_->costs().missed_contacts - missed_before_;
+    if (missed == 0) return;
+    missed_before_ += missed;
+    warn(fmt::format("{} contacts closed unseen and were found late; use a smaller stepping.step or tolerance", missed));
+  }
+
+  void warn(const std::string& text) {
+    progress_->end_line();
+    fmt::print("  warning, at {:.6g} s: {}\n", time_at(at_.steps), text);
     std::fflush(stdout);
   }
 
@@ -311,15 +345,19 @@ class Run {
     std::fflush(stdout);
   }
 
-  std::string diagnosis(const std::string& what) const {
-    const core::LevelStatistics levels = stepper_->level_statistics();
-    std::string text = fmt::format("{}\n  phase \"{}\", after {:.6g} s\n  coarsest step {:.4g} s, dt/dt_crit {:.3g} at the phase's start\n", what,
-                                   phase().name, time_at(at_.steps), at_.step, at_.step / critical_step_);
-    for (std::size_t level = 0; level < levels.step.size(); ++level)
-      text += fmt::format("  level {}: step {:.4g} s, {:.1f} balls\n", level, levels.step[level], levels.balls[level]);
-    text += last_checkpoint_.empty() ? std::string("  there is no checkpoint of this phase yet")
-                                     : fmt::format("  last good checkpoint: {}", last_checkpoint_);
-    return text + "\n  take a smaller step (stepping.step, tolerance) or a weaker dashpot";
+  /// Writes diagnosis.h5 and gives the text.
+  std::string diagnosis(const core::NumericsError& error) const {
+    std::optional<State> before;
+    if (!last_checkpoint_.empty()) before = read_checkpoint(last_checkpoint_).state;
+    const Diagnosis its = diagnose(*stepper_, setup_, {error.what(), error.balls(), phase().name, time_at(at_.steps), critical_step_, last_checkpoint_},
+                                   at_.start, before);
+    const std::string file = (directory_ / kDiagnosis).string();
+    try {
+      write(file, its);
+      return fmt::format("{}\n  the neighbourhood is in {}", text(its), file);
+    } catch (const core::FileError& trouble) {  // what went wrong first matters more
+      return fmt::format("{}\n  the neighbourhood could not be written: {}", text(its), trouble.what());
+    }
   }
 
   Scene scene_;
@@ -328,9 +366,12 @@ class Run {
   RunFile file_;
   std::optional<Layers> layers_;
   std::unique_ptr<Stepper> stepper_;
+  StepperSetup setup_;  // of the stepper
   Position at_;
   double energy_before_switch_ = 0.0;  // J, without the balls that the gate cut off
-  double critical_step_ = 0.0;         // s, at the phase's start
+  double critical_step_ = 0.0;         // s, at the phase's start; 0: not known after a resume
+  std::uint64_t missed_before_ = 0;    // contacts missed when last looked
+  bool heat_warned_ = false;           // in this phase
   std::optional<Progress> progress_;
   std::string last_checkpoint_;
   Clock::time_point checkpoint_time_ = Clock::now();

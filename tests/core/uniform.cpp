@@ -289,6 +289,22 @@ TEST(UniformFailure, NamesABallThatLeavesTheDomainElsewhere) {
   }
 }
 
+TEST(UniformFailure, NamesABallThatMayPassThroughOthers) {
+  // Under 1e6 m/s2 a ball falls by k 0.01 m in its k-th step of 1e-4 s; half the radius of 0.2 m is passed in the 11th.
+  // It is looked at when lists are made, which covers its way for a few steps ahead.
+  State state;
+  state.add(3, Kind::content, {0.0, 0.0, 0.0}, Vec3::Zero(), 0.2);
+  for (const Integrator integrator : kIntegrators) {
+    StepperSetup setup = tests::weightless(Materials{}, kStep, integrator);
+    setup.gravity = Vec3(0.0, 0.0, -1e6);
+    const auto stepper = make_uniform_stepper(state, setup);
+    EXPECT_NO_THROW(stepper->advance(10));
+    const std::string text = message_of<NumericsError>([&] { stepper->advance(20); });
+    EXPECT_EQ(text.rfind("ball 3 at (0, 0, ", 0), 0u) << text;
+    EXPECT_NE(text.find("more than half its radius of 0.2 m"), std::string::npos) << text;
+  }
+}
+
 TEST(UniformFailure, NamesABallThatIsNoLongerFinite) {
   // Alone, among few, and among more than the list treats by themselves.
   State alone;
