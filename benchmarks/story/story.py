@@ -13,9 +13,9 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-# The uniform step is 0.7 of the bound of a ball at the wall; phases with a method of their own (filling) keep it.
+# The uniform step is 0.7 of the bound of the balls at the wall, which touch several of its balls; phases with a method of their own (filling) keep it.
 METHODS = {
-    "uniform": ['stepping.method="uniform"', "stepping.events=false", "stepping.step=1.6e-4"],
+    "uniform": ['stepping.method="uniform"', "stepping.events=false", "stepping.step=8e-5"],
     "multirate": ['stepping.method="multirate"', "stepping.tolerance=1e-3"],
 }
 END = re.compile(r'phase "(?P<phase>[^"]+)" ends at (?P<end>[-+.0-9e]+) s: (?P<why>.*)')
