@@ -20,6 +20,8 @@ std::vector<std::uint32_t> by_id(const Balls& balls) {
   return order;
 }
 
+constexpr auto kAllRows = [](std::uint32_t, std::uint32_t) { return true; };
+
 std::string point(const Vec3& x) { return fmt::format("({:.6g}, {:.6g}, {:.6g})", x.x(), x.y(), x.z()); }
 
 }  // namespace
@@ -135,39 +137,41 @@ State BallStepper::state() const {
   return out;
 }
 
-std::vector<Contact> BallStepper::contacts() const {
-  return contacts_where([](std::uint32_t, std::uint32_t) { return true; });
+template <class Counts, class Visit>
+void BallStepper::for_each_contact(bool fixed, Counts counts, Visit visit) const {
+  const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
+  const ContactLaw its = law(fixed, 0.0).law;
+  for (std::size_t p = 0; p < pairs.count; ++p) {
+    if (!counts(pairs.i[p], pairs.j[p])) continue;
+    const BallRow& a = balls_.rows[pairs.i[p]];
+    const BallRow& b = balls_.rows[pairs.j[p]];
+    const Vec3 d = position(a) - position(b);
+    const double distance = d.norm(), overlap = a.r + b.r - distance;
+    if (overlap <= -its.reach) continue;
+    const double rate = -d.dot(velocity(a) - velocity(b)) / distance;
+    const BallId id_i = balls_.id_of(pairs.i[p]), id_j = balls_.id_of(pairs.j[p]);
+    const bool swapped = !fixed && id_i > id_j;
+    const double force = swapped ? force_of(id_j, id_i, its, overlap, rate) : force_of(id_i, id_j, its, overlap, rate);
+    if (overlap <= 0.0 && force == 0.0) continue;
+    Contact c{id_i, id_j, balls_.kind_of(pairs.j[p]), overlap, rate, force / distance * d};
+    if (swapped) {
+      std::swap(c.i, c.j);
+      c.force = -c.force;
+    }
+    visit(pairs.j[p], c);
+  }
 }
 
 template <class Counts>
 std::vector<Contact> BallStepper::contacts_where(Counts counts) const {
   std::vector<Contact> out;
-  for (const bool fixed : {false, true}) {
-    const PairList& pairs = fixed ? list_.fixed_pairs() : list_.ball_pairs();
-    const ContactLaw its = law(fixed, 0.0).law;
-    for (std::size_t p = 0; p < pairs.count; ++p) {
-      if (!counts(pairs.i[p], pairs.j[p])) continue;
-      const BallRow& a = balls_.rows[pairs.i[p]];
-      const BallRow& b = balls_.rows[pairs.j[p]];
-      const Vec3 d = position(a) - position(b);
-      const double distance = d.norm(), overlap = a.r + b.r - distance;
-      if (overlap <= -its.reach) continue;
-      const double rate = -d.dot(velocity(a) - velocity(b)) / distance;
-      const BallId id_i = balls_.id_of(pairs.i[p]), id_j = balls_.id_of(pairs.j[p]);
-      const bool swapped = !fixed && id_i > id_j;
-      const double force = swapped ? force_of(id_j, id_i, its, overlap, rate) : force_of(id_i, id_j, its, overlap, rate);
-      if (overlap <= 0.0 && force == 0.0) continue;
-      Contact c{id_i, id_j, balls_.kind_of(pairs.j[p]), overlap, rate, force / distance * d};
-      if (swapped) {
-        std::swap(c.i, c.j);
-        c.force = -c.force;
-      }
-      out.push_back(c);
-    }
-  }
+  for (const bool fixed : {false, true})
+    for_each_contact(fixed, counts, [&](std::uint32_t, const Contact& contact) { out.push_back(contact); });
   std::sort(out.begin(), out.end(), [](const Contact& a, const Contact& b) { return std::tie(a.i, a.j) < std::tie(b.i, b.j); });
   return out;
 }
+
+std::vector<Contact> BallStepper::contacts() const { return contacts_where(kAllRows); }
 
 Energies BallStepper::energies() const {
   Energies e;
@@ -188,6 +192,24 @@ double BallStepper::kinetic_energy() const {
     const BallRow& r = balls_.rows[row];
     return 0.5 * mass(row) * (r.vx * r.vx + r.vy * r.vy + r.vz * r.vz);
   });
+}
+
+Vec3 BallStepper::momentum() const {
+  const auto along = [this](double BallRow::*component) {
+    return order_free_sum(balls_.content_count(), [this, component](std::uint32_t row) { return mass(row) * (balls_.rows[row].*component); });
+  };
+  return {along(&BallRow::vx), along(&BallRow::vy), along(&BallRow::vz)};
+}
+
+std::vector<FixedForce> BallStepper::fixed_forces() const {
+  // Whole force units, as in the sweeps: the sums do not depend on the order of the pairs.
+  std::vector<IntVec> sums(balls_.fixed_count());
+  for_each_contact(true, kAllRows, [&](std::uint32_t fixed, const Contact& contact) {
+    for (int k = 0; k < 3; ++k) sums[fixed - balls_.first_fixed_row()].v[k] -= std::llround(contact.force[k] / scale_.unit);
+  });
+  std::vector<FixedForce> out;
+  for (std::uint32_t k = 0; k < balls_.fixed_count(); ++k) out.push_back({balls_.fixed_id[k], newtons(sums[k])});
+  return out;
 }
 
 Costs BallStepper::costs() const {

@@ -19,6 +19,8 @@ class BallStepper : public Stepper {
   std::vector<Contact> contacts() const final;
   Energies energies() const final;
   double kinetic_energy() const final;
+  Vec3 momentum() const final;
+  std::vector<FixedForce> fixed_forces() const final;
   const Ledger& ledger() const final { return ledger_; }
   Costs costs() const final;
 
@@ -85,6 +87,10 @@ class BallStepper : public Stepper {
   }
 
  private:
+  /// Calls visit(row j, contact) for each contact, with fixed balls or between content, of the pairs of rows for which
+  /// counts(i, j), in the order of the list.
+  template <class Counts, class Visit>
+  void for_each_contact(bool fixed, Counts counts, Visit visit) const;
   /// Contacts of the pairs of rows for which counts(i, j), in order of ids.
   template <class Counts>
   std::vector<Contact> contacts_where(Counts counts) const;

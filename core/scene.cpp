@@ -190,13 +190,25 @@ void read_contact(TomlKeys& keys, Materials& materials, const MeanRadius& mean_r
   read_pair(keys, "wall", 1.0, materials, mean_radius, materials.wall);
 }
 
-void require_whole_multiple(const TomlKeys& keys, std::string_view key, double duration, double every) {
-  const double n = std::round(duration / every);
-  if (n >= 1.0 && std::abs(duration - n * every) <= kWholeGuard * duration) return;
-  const double below = std::floor(duration / every);
-  const std::string nearest = below >= 1.0 ? fmt::format("{:.12g} or {:.12g}", below * every, (below + 1.0) * every)
-                                           : fmt::format("{:.12g}", every);
-  keys.fail(key, fmt::format("must be a whole multiple of every = {:.12g} s; nearest: {} s", every, nearest));
+bool is_whole_multiple(double value, double part) {
+  const double n = std::round(value / part);
+  return n >= 1.0 && std::abs(value - n * part) <= kWholeGuard * value;
+}
+
+void require_whole_multiple(const TomlKeys& keys, std::string_view key, double value, std::string_view part_name, double part) {
+  if (is_whole_multiple(value, part)) return;
+  const double below = std::floor(value / part);
+  const std::string nearest = below >= 1.0 ? fmt::format("{:.12g} or {:.12g}", below * part, (below + 1.0) * part)
+                                           : fmt::format("{:.12g}", part);
+  keys.fail(key, fmt::format("must be a whole multiple of {} = {:.12g} s; nearest: {} s", part_name, part, nearest));
+}
+
+void require_part(const TomlKeys& keys, std::string_view key, double part, std::string_view whole_name, double whole) {
+  if (is_whole_multiple(whole, part)) return;
+  const double below = std::floor(whole / part);
+  const std::string nearest = below >= 1.0 ? fmt::format("{:.12g} or {:.12g}", whole / (below + 1.0), whole / below)
+                                           : fmt::format("{:.12g}", whole);
+  keys.fail(key, fmt::format("must divide {} = {:.12g} s; nearest: {} s", whole_name, whole, nearest));
 }
 
 void read_until(TomlKeys& keys, const std::string& text, Phase& phase) {
@@ -224,8 +236,30 @@ void read_outlet(TomlKeys& keys, const Scene& scene, Phase& phase) {
                "nothing is counted as discharged without [domain] outlet_z; give it");
 }
 
-Phase read_phase(TomlKeys keys, const Scene& scene, const Stepping& stepping, std::optional<double> every,
-                 const MeanRadius& mean_radius) {
+/// Keys of [output], which a phase may override.
+struct Output {
+  std::optional<double> every, observables_every;  // s
+};
+
+Output read_output(TomlKeys keys) {
+  const Output output{keys.positive("every", "s"), keys.positive("observables_every", "s")};
+  if (output.every && output.observables_every)
+    require_part(keys, "observables_every", *output.observables_every, "every", *output.every);
+  keys.finish();
+  return output;
+}
+
+/// `duration_key`: of the phase's duration, which `every` must divide.
+void read_intervals(TomlKeys& keys, std::string_view duration_key, const Output& output, Phase& phase) {
+  const auto every = keys.positive("every", "s"), observables_every = keys.positive("observables_every", "s");
+  phase.every = every ? *every : output.every.value_or(phase.duration);
+  require_whole_multiple(keys, duration_key, phase.duration, "every", phase.every);
+  phase.observables_every = observables_every ? *observables_every : output.observables_every.value_or(phase.every);
+  if (observables_every) require_part(keys, "observables_every", phase.observables_every, "every", phase.every);
+  else require_whole_multiple(keys, every ? "every" : duration_key, phase.every, "observables_every", phase.observables_every);
+}
+
+Phase read_phase(TomlKeys keys, const Scene& scene, const Stepping& stepping, const Output& output, const MeanRadius& mean_radius) {
   Phase phase;
   phase.name = keys.string("name").value_or(fmt::format("phase {}", scene.phases.size()));
   const auto duration = keys.positive("duration", "s"), longest = keys.positive("max_duration", "s");
@@ -240,10 +274,7 @@ Phase read_phase(TomlKeys keys, const Scene& scene, const Stepping& stepping, st
     keys.require(!longest, "max_duration", "goes with `until`; write duration instead");
   }
   phase.duration = until ? *longest : *duration;
-  const auto own_every = keys.positive("every", "s");
-  phase.every = own_every ? *own_every : every.value_or(phase.duration);
-  require_whole_multiple(keys, key, phase.duration, phase.every);
-
+  read_intervals(keys, key, output, phase);
   read_outlet(keys, scene, phase);
   phase.first_impact = keys.boolean("first_impact").value_or(false);
   phase.stepping = stepping;
@@ -352,6 +383,7 @@ std::string text_of(const Phase& phase, const Lines& scene_stepping, const Lines
   }
   if (phase.until != Until::duration) lines.emplace_back("max_duration", toml_text(phase.duration));
   lines.emplace_back("every", toml_text(phase.every));
+  lines.emplace_back("observables_every", toml_text(phase.observables_every));
   lines.emplace_back("outlet", phase.outlet_open ? "\"open\"" : "\"closed\"");
   lines.emplace_back("first_impact", fmt::format("{}", phase.first_impact));
   for (const auto& line : overrides_of(lines_of(phase.stepping), scene_stepping)) lines.push_back(line);
@@ -432,14 +464,11 @@ Scene read_scene(const std::string& path, const std::vector<std::string>& overri
     read_stepping(*given, stepping);
     given->finish();
   }
-  std::optional<double> every;
-  if (auto output = keys.table("output")) {
-    every = output->positive("every", "s");
-    output->finish();
-  }
+  Output output;
+  if (auto given = keys.table("output")) output = read_output(std::move(*given));
   keys.require(keys.has("phase"), "phase", "a scene needs at least one [[phase]] with a duration");
   for (TomlKeys& phase : keys.tables("phase"))
-    scene.phases.push_back(read_phase(std::move(phase), scene, stepping, every, mean_radius));
+    scene.phases.push_back(read_phase(std::move(phase), scene, stepping, output, mean_radius));
   keys.require(!scene.phases.empty(), "phase", "a scene needs at least one [[phase]] with a duration");
   keys.finish();
   scene.text = resolved_text(scene, stepping);

@@ -50,6 +50,7 @@ struct Phase {
   Stepping stepping;           // the scene's, with this phase's overrides
   Materials materials;         // the scene's, with this phase's overrides of [contact]
   double every = 0.0;          // s between frames: [output].every, or the phase
+  double observables_every = 0.0;  // s between records of observables: [output].observables_every, or every; divides it
 };
 
 /// Where balls may be. Content below outlet_z leaves and is counted; leaving the box elsewhere is a failure.

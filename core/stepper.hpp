@@ -21,6 +21,12 @@ struct Contact {
   Vec3 force;         // N, on i
 };
 
+/// What the content does to a fixed ball.
+struct FixedForce {
+  BallId id;
+  Vec3 force;  // N, on the fixed ball
+};
+
 /// Work done so far.
 struct Costs {
   std::uint64_t contact_evaluations = 0;  // every pair distance computed in force sweeps and classification
@@ -61,6 +67,11 @@ class Stepper {
   virtual Energies energies() const = 0;
   /// Kinetic energy [J], as in energies() but for rounding: without a look at contacts, for frequent checks.
   virtual double kinetic_energy() const = 0;
+  /// Momentum of the content [kg m/s], likewise.
+  virtual Vec3 momentum() const = 0;
+  /// Sum of the contact forces on each fixed ball that is there (a plug while the outlet is closed), by id: those of
+  /// contacts() but for rounding, without a look at pairs of content.
+  virtual std::vector<FixedForce> fixed_forces() const = 0;
   virtual const Ledger& ledger() const = 0;
   virtual Costs costs() const = 0;
   virtual LevelStatistics level_statistics() const = 0;

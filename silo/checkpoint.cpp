@@ -26,6 +26,7 @@ void each_field(P& p, Visit visit) {
   visit("steps", p.steps);
   visit("total_steps", p.total_steps);
   visit("frames", p.frames);
+  visit("records", p.records);
   visit("phase_start", p.phase_start);
   visit("step", p.step);
   visit("fell_back", p.fell_back);

@@ -19,6 +19,7 @@ struct Position {
   std::int64_t steps = 0;          // coarsest steps since the phase's start
   std::int64_t total_steps = 0;    // the same since the run's start
   std::int64_t frames = 0;         // recorded until now
+  std::int64_t records = 0;        // of observables, likewise
   double phase_start = 0.0;        // s
   double step = 0.0;               // s, the phase's coarsest step
   std::int64_t fell_back = 0;      // 1: this phase steps uniformly though its scene says multirate

@@ -107,11 +107,21 @@ std::optional<Peak> peak(const PressureSeries& series, const Window& window) {
   return highest;
 }
 
+bool Patch::holds(const Vec3& point) const {
+  const double turn = std::remainder(std::atan2(point.y(), point.x()) - angle, 2.0 * std::numbers::pi);
+  return std::abs(turn) <= half_angle && std::abs(point.z() - z) <= half_height;
+}
+
+Patch patch_above_hopper(const SiloShape& shape) {
+  const double half = 3.0 * shape.mean_radius();  // one and a half diameters
+  const double joint = shape.hopper_height > 0.0 ? shape.hopper_height : shape.half_outlet;
+  return {0.0, joint + half, half / shape.half_width, half};
+}
+
 double patch_pressure(std::span<const WallLoad> loads, const Patch& patch) {
   double force = 0.0, area = 0.0;
   for (const WallLoad& load : loads) {
-    const double turn = std::remainder(load.angle - patch.angle, 2.0 * std::numbers::pi);
-    if (std::abs(turn) > patch.half_angle || std::abs(load.position[2] - patch.z) > patch.half_height) continue;
+    if (!patch.holds(load.position)) continue;
     force += load.horizontal_force();
     area += load.area;
   }

@@ -52,7 +52,10 @@ std::optional<Peak> peak(const PressureSeries& series, const Window& window);
 struct Patch {
   double angle, z;                 // rad, m: its middle
   double half_angle, half_height;  // rad, m
+  bool holds(const Vec3& point) const;
 };
+/// The patch of Fig. 9: above the transition from the hopper to the shaft, on the +x side, three mean ball diameters high and wide.
+Patch patch_above_hopper(const SiloShape& shape);
 /// Mean pressure over the wall balls with their centres in a patch [Pa]: over time the paper's Fig. 9. NaN without any.
 double patch_pressure(std::span<const WallLoad> loads, const Patch& patch);
 

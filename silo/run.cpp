@@ -72,8 +72,8 @@ double seconds_since(Clock::time_point then) { return std::chrono::duration<doub
 
 class Run {
  public:
-  Run(Scene scene, fs::path directory, const RunOptions& options, RunFile file, std::optional<Layers> layers)
-      : scene_(std::move(scene)), directory_(std::move(directory)), options_(options), file_(std::move(file)), layers_(layers) {}
+  Run(Scene scene, fs::path directory, const RunOptions& options, RunFile file, WatchedWall wall)
+      : scene_(std::move(scene)), directory_(std::move(directory)), options_(options), file_(std::move(file)), wall_(std::move(wall)) {}
 
   /// From the very beginning.
   void begin(const Start& start) {
@@ -81,6 +81,7 @@ class Run {
     at_.phase_start = start.state.time;
     start_phase(fresh(start.state), nullptr);
     at_.start = stepper_->energies();
+    add_record();
     add_frame();
     go();
   }
@@ -105,6 +106,16 @@ class Run {
   }
   std::int64_t steps_per_frame() const { return std::llround(phase().every / at_.step); }
   std::int64_t last_step() const { return std::llround(phase().duration / phase().every) * steps_per_frame(); }
+
+  /// The first step after the present one that ends nearest to a multiple of `observables_every` (every step if that is shorter):
+  /// what is recorded changes no step.
+  std::int64_t next_record() const {
+    const std::int64_t n = steps_per_frame(), records = std::llround(phase().every / phase().observables_every);
+    const auto step_of = [&](std::int64_t record) { return (2 * record * n + records) / (2 * records); };
+    std::int64_t record = at_.steps * records / n;
+    while (step_of(record) <= at_.steps) ++record;
+    return step_of(record);
+  }
 
   /// Time of a step of the phase [s], never summed up: whole frames of `every` and whole steps beyond them.
   double time_at(std::int64_t steps) const {
@@ -216,12 +227,14 @@ class Run {
     const std::int64_t n_check = std::max<std::int64_t>(1, std::llround(kCheckEvery / at_.step));
     std::optional<std::string> reason;
     while (at_.steps < last && !reason) {
-      std::int64_t target = std::min((at_.steps / n_frame + 1) * n_frame, (at_.steps / kLookEvery + 1) * kLookEvery);
+      const std::int64_t record = next_record();  // never beyond the next frame
+      std::int64_t target = std::min(record, (at_.steps / kLookEvery + 1) * kLookEvery);
       if (is_watched) target = std::min(target, (at_.steps / n_check + 1) * n_check);
       advance_to(target);
       if (is_watched && at_.steps % n_check == 0)
         reason = phase_end(phase(), at_.mean, scene_.gravity.norm(), at_.step, at_.steps, stepper_->kinetic_energy(),
                            stepper_->ledger().discharged, at_.watch);
+      if (at_.steps == record || reason) add_record();
       if (at_.steps % n_frame == 0 || reason) add_frame();
       if (at_.steps % kLookEvery == 0 || at_.steps == last || reason) look_at(energy);
     }
@@ -279,16 +292,19 @@ class Run {
     return state;
   }
 
+  void add_record() {
+    file_.add(Record{time_at(at_.steps), at_.total_steps, observe_between(*stepper_, wall_, at_.phase)});
+  }
+
   void add_frame() {
     const State state = state_now();
-    std::vector<Observable> observed = observe(*stepper_, state, at_.start, layers_);
-    observed.push_back({"phase", "", {}, {static_cast<double>(at_.phase)}});  // whose law its contacts follow
-    file_.add({state.time, at_.total_steps, state, std::move(observed)});
+    file_.add(Frame{state.time, at_.total_steps, state, observe(*stepper_, at_.start)});
   }
 
   void save() {
     file_.flush();  // a checkpoint never refers to frames that are not on the disk
     at_.frames = file_.frames();
+    at_.records = file_.records();
     at_.ledger = stepper_->ledger();
     at_.costs = stepper_->costs();
     last_checkpoint_ = write_checkpoint(directory_ / kCheckpoints, {state_now(), at_});
@@ -309,6 +325,7 @@ class Run {
     file_.flush();
     core::write_state((directory_ / kFinalState).string(), state);
     at_.frames = file_.frames();
+    at_.records = file_.records();
     at_.ledger = stepper_->ledger();
     at_.costs = stepper_->costs();
     at_.phase_start = state.time;
@@ -364,7 +381,7 @@ class Run {
   fs::path directory_;
   RunOptions options_;
   RunFile file_;
-  std::optional<Layers> layers_;
+  WatchedWall wall_;
   std::unique_ptr<Stepper> stepper_;
   StepperSetup setup_;  // of the stepper
   Position at_;
@@ -392,8 +409,12 @@ void make_directories(const fs::path& directory) {
   if (trouble) throw core::FileError(fmt::format("{}: cannot be created: {}", directory.string(), trouble.message()));
 }
 
-RunFile::Header header_of(const Scene& scene, const RunOptions& options, const std::optional<Layers>& layers) {
-  return {scene, options.threads, layers ? edges(*layers) : std::vector<double>{}};
+WatchedWall wall_of(const Scene& scene, const State& recorded) {
+  return watch_wall(recorded, scene.has_silo ? std::optional(patch_above_hopper(read_silo(scene))) : std::nullopt);
+}
+
+RunFile::Header header_of(const Scene& scene, const RunOptions& options, const WatchedWall& wall) {
+  return {scene, options.threads, wall.layers ? edges(*wall.layers) : std::vector<double>{}};
 }
 
 }  // namespace
@@ -408,8 +429,8 @@ void run_scene(const Scene& scene, const std::string& directory, const RunOption
   if (start.first_collar >= 0) remove_collar(recorded, start.first_collar);
   make_directories(directory);
   core::write_text(fs::path(directory) / kSceneFile, scene.text);
-  const auto layers = layers_of(recorded);
-  Run run(scene, directory, options, RunFile(directory, recorded, header_of(scene, options, layers)), layers);
+  const WatchedWall wall = wall_of(scene, recorded);
+  Run run(scene, directory, options, RunFile(directory, recorded, header_of(scene, options, wall)), wall);
   run.begin(start);
 }
 
@@ -436,8 +457,9 @@ void resume_run(const std::string& directory, const RunOptions& options) {
   if (checkpoint->position.phase < 0 || checkpoint->position.phase > phases)
     throw core::FileError(fmt::format("{}: the checkpoint belongs to another scene", directory));
   const State recorded = RunFile::start_in(path);
-  const auto layers = layers_of(recorded);
-  Run run(scene, path, options, RunFile::resumed(path, header_of(scene, options, layers), checkpoint->position.frames), layers);
+  const WatchedWall wall = wall_of(scene, recorded);
+  const Position& at = checkpoint->position;
+  Run run(scene, path, options, RunFile::resumed(path, header_of(scene, options, wall), at.frames, at.records), wall);
   run.go_on(*checkpoint);
 }
 

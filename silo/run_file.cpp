@@ -26,9 +26,8 @@ using core::Vec3;
 constexpr const char* kIndex = "run.h5";
 constexpr const char* kSegments = "segments";
 constexpr const char* kStart = "start.h5";             // in segments: every ball as it was at the beginning
-constexpr std::chrono::seconds kFlushEvery{2};         // the most work that a kill can lose, in frames taken
+constexpr std::chrono::seconds kFlushEvery{2};         // the most work that a kill can lose, in frames and records taken
 constexpr std::size_t kFlushBytes = std::size_t{32} << 20;
-constexpr std::size_t kFanIn = 8;                      // segments merged into one
 
 std::vector<core::BallId> content_ids(const State& state) {
   std::vector<core::BallId> ids;
@@ -85,62 +84,14 @@ void write_h5md(Hdf5Group& file) {
   h5md.create_group("modules").create_group("units").write_attribute(".", "version", std::vector<std::int64_t>{1, 0});
 }
 
-/// The first rows of every dataset of a segment's file.
-struct Rows {
-  fs::path file;
-  std::int64_t count;
-};
-
-/// Appends the rows of one dataset of all sources, in pieces that fit into memory.
-template <class T>
-void join_dataset(const std::vector<Hdf5File>& files, const std::vector<Rows>& sources, Hdf5Group& into, const std::string& name) {
-  constexpr std::uint64_t kPiece = std::uint64_t{16} << 20;  // bytes
-  Hdf5Group::Shape shape = files.front().shape(name);
-  std::uint64_t row_bytes = sizeof(T);
-  for (std::size_t axis = 1; axis < shape.size(); ++axis) row_bytes *= shape[axis];
-  const std::uint64_t piece = std::max<std::uint64_t>(1, kPiece / std::max<std::uint64_t>(1, row_bytes));
-  shape[0] = 0;
-  for (const Rows& source : sources) shape[0] += static_cast<std::uint64_t>(source.count);
-  into.create_rows<T>(name, shape);
-  std::uint64_t to = 0;
-  for (std::size_t k = 0; k < sources.size(); ++k) {
-    const auto count = static_cast<std::uint64_t>(sources[k].count);
-    for (std::uint64_t row = 0; row < count; row += piece) {
-      const std::uint64_t rows = std::min(piece, count - row);
-      into.write_rows(name, to, files[k].read_rows<T>(name, row, rows));
-      to += rows;
-    }
-  }
-}
-
-/// Writes one segment from the rows of several, in order, aside and renamed.
-void join(const std::vector<Rows>& sources, const fs::path& target) {
-  std::vector<Hdf5File> files;
-  for (const Rows& source : sources) files.push_back(Hdf5File::open(source.file));
-  core::AsideFile aside(target);
-  Hdf5File into = Hdf5File::create(aside.part());
-  join_dataset<std::int64_t>(files, sources, into, "step");
-  join_dataset<std::uint8_t>(files, sources, into, "level");
-  for (const char* name : {"time", "position", "velocity"}) join_dataset<double>(files, sources, into, name);
-  Hdf5Group observables = into.create_group("observables");
-  for (const std::string& name : files.front().group("observables").names()) {
-    const std::string path = "observables/" + name;
-    join_dataset<double>(files, sources, into, path);
-    observables.write_attribute(name, "unit", files.front().text_attribute(path, "unit"));
-  }
-  into.close();
-  aside.commit();
-}
-
 std::string observable_path(const std::string& name) { return "observables/" + name; }
 
 }  // namespace
 
 // ---------------------------------------------------------------- writing
 
-std::string RunFile::Segment::name() const { return fmt::format("{}/{:08}-{:08}.h5", kSegments, first, end); }
-
-RunFile::RunFile(fs::path directory, Header header) : directory_(std::move(directory)), header_(std::move(header)) {}
+RunFile::RunFile(fs::path directory, Header header)
+    : directory_(std::move(directory)), header_(std::move(header)), frames_(directory_, kSegments, "frames"), records_(directory_, kSegments, "records") {}
 
 RunFile::RunFile(fs::path directory, const State& start, Header header) : RunFile(std::move(directory), std::move(header)) {
   start_ = start;
@@ -152,35 +103,15 @@ RunFile::RunFile(fs::path directory, const State& start, Header header) : RunFil
   write_index();
 }
 
-RunFile RunFile::resumed(fs::path directory, Header header, std::int64_t frames) {
+RunFile RunFile::resumed(fs::path directory, Header header, std::int64_t frames, std::int64_t records) {
   RunFile file(std::move(directory), std::move(header));
-  const fs::path segments = file.directory_ / kSegments;
   file.start_ = start_in(file.directory_);
   file.content_ = content_ids(file.start_);
-
-  // A kill may leave merged segments beside the ones that they were made from: the longest one counts.
-  std::vector<Segment> found;
-  for (const auto& entry : fs::directory_iterator(segments)) {
-    Segment segment{};
-    if (std::sscanf(entry.path().filename().c_str(), "%8ld-%8ld.h5", &segment.first, &segment.end) == 2) found.push_back(segment);
-  }
-  std::sort(found.begin(), found.end(), [](const Segment& a, const Segment& b) {
-    return a.first != b.first ? a.first < b.first : a.end > b.end;
-  });
-  for (Segment segment : found) {
-    if (segment.first != file.written() || file.written() >= frames) continue;
-    if (segment.end > frames) {  // a merged one that goes beyond an older checkpoint: its beginning is kept
-      const Segment beginning{segment.first, frames};
-      join({{file.path_of(segment), beginning.count()}}, file.path_of(beginning));
-      segment = beginning;
-    }
-    file.segments_.push_back(segment);
-  }
-  if (file.written() < frames)
-    throw FileError(fmt::format("{}: holds {} of the {} frames that the checkpoint needs: segments are missing", segments.string(),
-                                file.written(), frames));
+  file.frames_.resume(frames);
+  file.records_.resume(records);
   file.write_index();
-  file.remove_unused(found);
+  file.frames_.remove_obsolete();
+  file.records_.remove_obsolete();
   return file;
 }
 
@@ -188,8 +119,7 @@ State RunFile::start_in(const fs::path& directory) { return core::read_state((di
 
 void RunFile::add(const Frame& frame) {
   const State& state = frame.state;
-  times_.push_back(frame.time);
-  steps_.push_back(frame.step);
+  frame_rows_.add(frame.time, frame.step, frame.observables);
   std::size_t from = 0;  // both lists of ids increase
   for (const core::BallId id : content_) {
     while (from < state.size() && state.id[from] < id) ++from;
@@ -201,111 +131,123 @@ void RunFile::add(const Frame& frame) {
     velocities_.insert(velocities_.end(), v.data(), v.data() + 3);
     levels_.push_back(!is_there ? kLevelOfLeftBall : state.level.empty() ? std::uint8_t{0} : state.level[from]);
   }
-  if (columns_.empty())
-    for (const Observable& observable : frame.observables) columns_.push_back({observable, {}});
-  for (std::size_t k = 0; k < columns_.size(); ++k) {
-    const auto& values = frame.observables.at(k).values;
-    columns_[k].values.insert(columns_[k].values.end(), values.begin(), values.end());
+  flush_when_due();
+}
+
+void RunFile::add(const Record& record) {
+  record_rows_.add(record.time, record.step, record.observables);
+  flush_when_due();
+}
+
+void RunFile::Rows::add(double time, std::int64_t step, const std::vector<Observable>& observables) {
+  times.push_back(time);
+  steps.push_back(step);
+  if (columns.empty())
+    for (const Observable& observable : observables) columns.push_back({observable, {}});
+  for (std::size_t k = 0; k < columns.size(); ++k) {
+    const auto& values = observables.at(k).values;
+    columns[k].values.insert(columns[k].values.end(), values.begin(), values.end());
   }
+}
+
+void RunFile::Rows::write(Hdf5File& file) const {
+  file.write("step", steps);
+  file.write("time", times);
+  Hdf5Group observables = file.create_group("observables");
+  for (const Column& column : columns) {
+    Hdf5Group::Shape shape = column.like.shape;
+    shape.insert(shape.begin(), times.size());
+    observables.write(column.like.name, column.values, shape);
+    observables.write_attribute(column.like.name, "unit", column.like.unit);
+  }
+}
+
+void RunFile::Rows::clear() {
+  times.clear();
+  steps.clear();
+  for (Column& column : columns) column.values.clear();
+}
+
+void RunFile::flush_when_due() {
   const std::size_t bytes = (positions_.size() + velocities_.size()) * sizeof(double);
   if (bytes > kFlushBytes || std::chrono::steady_clock::now() - last_flush_ > kFlushEvery) flush();
 }
 
 void RunFile::flush() {
   last_flush_ = std::chrono::steady_clock::now();
-  if (times_.empty()) return;
-  write_segment();
-  merge_segments();
+  if (frame_rows_.times.empty() && record_rows_.times.empty()) return;
+  if (!record_rows_.times.empty()) write_records();
+  if (!frame_rows_.times.empty()) write_frames();
+  write_index();
+  frames_.remove_obsolete();
+  records_.remove_obsolete();
 }
 
-void RunFile::write_segment() {
-  const Segment segment{written(), frames()};
-  core::AsideFile aside(path_of(segment));
-  Hdf5File file = Hdf5File::create(aside.part());
-  const std::uint64_t n = times_.size(), balls = content_.size();
-  file.write("step", steps_);
-  file.write("time", times_);
-  file.write("position", positions_, {n, balls, 3});
-  file.write("velocity", velocities_, {n, balls, 3});
-  file.write("level", levels_, {n, balls});
-  Hdf5Group observables = file.create_group("observables");
-  for (Column& column : columns_) {
-    Hdf5Group::Shape shape = column.like.shape;
-    shape.insert(shape.begin(), n);
-    observables.write(column.like.name, column.values, shape);
-    observables.write_attribute(column.like.name, "unit", column.like.unit);
-    column.values.clear();
-  }
-  file.close();
-  aside.commit();
-  segments_.push_back(segment);
-  times_.clear();
-  steps_.clear();
+void RunFile::write_records() {
+  records_.add(static_cast<std::int64_t>(record_rows_.times.size()), [this](Hdf5File& file) { record_rows_.write(file); });
+  record_rows_.clear();
+}
+
+void RunFile::write_frames() {
+  const std::uint64_t n = frame_rows_.times.size(), balls = content_.size();
+  frames_.add(static_cast<std::int64_t>(n), [&](Hdf5File& file) {
+    frame_rows_.write(file);
+    file.write("position", positions_, {n, balls, 3});
+    file.write("velocity", velocities_, {n, balls, 3});
+    file.write("level", levels_, {n, balls});
+  });
+  frame_rows_.clear();
   positions_.clear();
   velocities_.clear();
   levels_.clear();
-}
-
-/// A segment of rank r holds 8^r to 8^(r+1) - 1 frames. Whenever eight segments at the end are of some rank
-/// or below, they become one: fewer than eight of each rank remain, and a frame is copied once per rank.
-void RunFile::merge_segments() {
-  const auto rank = [](const Segment& segment) {
-    int r = 0;
-    for (std::int64_t n = segment.count(); n >= static_cast<std::int64_t>(kFanIn); n /= static_cast<std::int64_t>(kFanIn)) ++r;
-    return r;
-  };
-  const std::vector<Segment> before = segments_;
-  for (int r = 0;; ++r) {
-    std::size_t count = 0;
-    while (count < segments_.size() && rank(segments_[segments_.size() - 1 - count]) <= r) ++count;
-    if (count >= kFanIn) {
-      const auto first = segments_.end() - static_cast<std::ptrdiff_t>(count);
-      const Segment merged{first->first, segments_.back().end};
-      std::vector<Rows> sources;
-      for (auto segment = first; segment != segments_.end(); ++segment) sources.push_back({path_of(*segment), segment->count()});
-      join(sources, path_of(merged));
-      segments_.erase(first, segments_.end());
-      segments_.push_back(merged);
-    } else if (count == segments_.size()) {
-      break;
-    }
-  }
-  write_index();
-  remove_unused(before);
-}
-
-/// Only after nothing refers to them any more.
-void RunFile::remove_unused(const std::vector<Segment>& candidates) const {
-  for (const Segment& old : candidates)
-    if (std::find(segments_.begin(), segments_.end(), old) == segments_.end()) fs::remove(path_of(old));
 }
 
 // ---------------------------------------------------------------- index
 
 namespace {
 
-/// /particles/content/NAME or /observables/NAME: its values over the shared step and time.
+/// /particles/content/NAME or /observables/NAME: its values over step and time, which H5MD lets elements of one sampling
+/// share: those of the element `shared`, written with it.
 template <class T>
-void write_element(Hdf5Group& file, const std::string& element, const std::string& dataset, const std::string& unit,
+void write_element(Hdf5Group& file, const std::string& element, const std::string& shared, const std::string& dataset, const std::string& unit,
                    const Hdf5Group::Shape& row, std::vector<Hdf5Part> parts) {
-  for (Hdf5Part& part : parts) part.dataset = dataset;
+  const auto write = [&]<class Value>(Value, const char* name, const std::string& source, const Hdf5Group::Shape& its_row) {
+    for (Hdf5Part& part : parts) part.dataset = source;
+    file.group(element).write_virtual<Value>(name, its_row, parts);
+  };
   Hdf5Group group = file.create_group(element);
-  group.write_virtual<T>("value", row, parts);
+  write(T{}, "value", dataset, row);
   if (!unit.empty()) group.write_attribute("value", "unit", unit);
-  // H5MD lets elements of one sampling share step and time.
-  if (element == "particles/content/position") {
-    for (Hdf5Part& part : parts) part.dataset = "/step";
-    group.write_virtual<std::int64_t>("step", {}, parts);
-    for (Hdf5Part& part : parts) part.dataset = "/time";
-    group.write_virtual<double>("time", {}, parts);
+  if (element == shared) {
+    write(std::int64_t{}, "step", "/step", {});
+    write(double{}, "time", "/time", {});
     group.write_attribute("time", "unit", std::string("s"));
   } else {
-    file.link("particles/content/position/step", element + "/step");
-    file.link("particles/content/position/time", element + "/time");
+    file.link(shared + "/step", element + "/step");
+    file.link(shared + "/time", element + "/time");
   }
 }
 
+constexpr const char* kPosition = "particles/content/position";
+
 }  // namespace
+
+/// Observables of frames or of records; `shared`: the element whose times they have, the first of them if empty.
+void RunFile::write_observables(Hdf5File& file, const Segments& segments, const std::string& shared) const {
+  if (segments.rows() == 0) return;
+  const Hdf5File first = Hdf5File::open(segments.first());
+  const Hdf5Group columns = first.group("observables");
+  std::string its_times = shared;
+  for (const std::string& name : columns.names()) {
+    const std::string element = observable_path(name);
+    const auto shape = columns.shape(name);
+    if (its_times.empty()) its_times = element;
+    write_element<double>(file, element, its_times, "/" + element, columns.text_attribute(name, "unit"), {shape.begin() + 1, shape.end()},
+                          segments.parts());
+    if ((name == kWallForceByLayer || name == kLateralForceByLayer) && !header_.layer_edges.empty())
+      file.write_attribute(element + "/value", "layer_edges", header_.layer_edges);  // m
+  }
+}
 
 void RunFile::write_index() const {
   core::AsideFile aside(directory_ / kIndex);
@@ -315,26 +257,16 @@ void RunFile::write_index() const {
   write_box(content);
   write_fixed(particles, content, start_);
 
-  std::vector<Hdf5Part> parts;
-  for (const Segment& segment : segments_) parts.push_back({segment.name(), "", static_cast<std::uint64_t>(segment.count())});
+  const std::vector<Hdf5Part> parts = frames_.parts();
   const std::uint64_t balls = content_.size();
-  write_element<double>(file, "particles/content/position", "/position", "m", {balls, 3}, parts);
-  write_element<double>(file, "particles/content/velocity", "/velocity", "m s-1", {balls, 3}, parts);
-  write_element<std::uint8_t>(file, "particles/content/level", "/level", "", {balls}, parts);
+  write_element<double>(file, kPosition, kPosition, "/position", "m", {balls, 3}, parts);
+  write_element<double>(file, "particles/content/velocity", kPosition, "/velocity", "m s-1", {balls, 3}, parts);
+  write_element<std::uint8_t>(file, "particles/content/level", kPosition, "/level", "", {balls}, parts);
   file.write_attribute("particles/content/level/value", "text", fmt::format("0 is the finest; {} has left", kLevelOfLeftBall));
 
-  Hdf5Group observables = file.create_group("observables");
-  if (!segments_.empty()) {
-    const Hdf5File first = Hdf5File::open(path_of(segments_.front()));
-    const Hdf5Group columns = first.group("observables");
-    for (const std::string& name : columns.names()) {
-      const auto shape = columns.shape(name);
-      write_element<double>(file, observable_path(name), "/" + observable_path(name), columns.text_attribute(name, "unit"),
-                            {shape.begin() + 1, shape.end()}, parts);
-      if (name == kWallForceByLayer && !header_.layer_edges.empty())
-        observables.write_attribute(name + "/value", "layer_edges", header_.layer_edges);  // m
-    }
-  }
+  file.create_group("observables");
+  write_observables(file, frames_, kPosition);
+  write_observables(file, records_, "");
   write_provenance(file, header_.threads, header_.scene.seed, header_.scene.text);
   file.close();
   aside.commit();
@@ -398,9 +330,21 @@ State RunReader::state(std::int64_t frame) const {
 std::vector<std::string> RunReader::observables() const { return file_.group("observables").names(); }
 
 std::optional<std::vector<double>> RunReader::observable(const std::string& name, std::int64_t frame) const {
-  const std::string path = observable_path(name) + "/value";
+  const std::string path = observable_path(name);
   if (!file_.has(path)) return std::nullopt;
-  return file_.read_rows<double>(path, static_cast<std::uint64_t>(frame), 1);
+  const auto steps = file_.read<std::int64_t>(path + "/step");
+  const auto row = std::lower_bound(steps.begin(), steps.end(), step(frame));
+  if (row == steps.end() || *row != step(frame)) file_.fail(path, fmt::format("has no record of frame {}: the file is damaged", frame));
+  return file_.read_rows<double>(path + "/value", static_cast<std::uint64_t>(row - steps.begin()), 1);
+}
+
+std::optional<Recorded> RunReader::series(const std::string& name) const {
+  const std::string path = observable_path(name);
+  if (!file_.has(path)) return std::nullopt;
+  Recorded series{file_.read<double>(path + "/time"), file_.read<double>(path + "/value"), 1};
+  for (const std::uint64_t length : file_.shape(path + "/value")) series.width *= length;
+  series.width /= std::max<std::size_t>(1, series.time.size());
+  return series;
 }
 
 toml::table RunReader::scene() const {

@@ -1,15 +1,16 @@
 // The H5MD file of a run: DIR/run.h5 over closed segments in DIR/segments.
 //
-// Frames are collected and written as a segment of their own, aside and renamed; then run.h5 is written
-// anew, aside and renamed, with virtual datasets over all segments. So run.h5 can be opened at any
-// moment, even after a kill, and shows every frame that was flushed. Many small segments are merged
-// into larger ones, so that their number grows with the logarithm of the number of frames.
+// Two samplings of one run: frames, with every ball, and records, of observables only and as dense as one likes. Both are
+// collected and written as segments (segments.hpp); then run.h5 is written anew, aside and renamed, with
+// virtual datasets over all segments. So run.h5 can be opened at any moment, even after a kill, and shows what was
+// flushed. Each frame has a record of its step.
 // Reference: H5MD 1.1, https://www.nongnu.org/h5md/h5md.html
 #pragma once
 
 #include "core/hdf5.hpp"
 #include "core/scene.hpp"
 #include "core/state.hpp"
+#include "silo/segments.hpp"
 
 #include <toml++/toml.h>
 
@@ -28,7 +29,14 @@ struct Observable {
   std::vector<double> values;
 };
 
-/// One moment of a run.
+/// One moment of a run between frames, or with one.
+struct Record {
+  double time = 0.0;      // s
+  std::int64_t step = 0;  // coarsest steps since the run began
+  std::vector<Observable> observables;  // the same ones, in the same order, in every record; none that frames have
+};
+
+/// One moment of a run with its balls.
 struct Frame {
   double time = 0.0;        // s
   std::int64_t step = 0;    // coarsest steps since the run began
@@ -37,7 +45,8 @@ struct Frame {
 };
 
 inline constexpr std::uint8_t kLevelOfLeftBall = 255;
-inline constexpr const char* kWallForceByLayer = "wall_force_by_layer";  // carries the layers' edges as attribute
+inline constexpr const char* kWallForceByLayer = "wall_force_by_layer";  // carry the layers' edges as attribute
+inline constexpr const char* kLateralForceByLayer = "lateral_force_by_layer";
 
 class RunFile {
  public:
@@ -48,51 +57,61 @@ class RunFile {
   };
   /// Starts the file in the directory, which must exist. `start` holds every ball that will ever be there.
   RunFile(std::filesystem::path directory, const core::State& start, Header header);
-  /// Goes on with the file of a run that was stopped, after its first `frames` frames: later ones are dropped.
-  static RunFile resumed(std::filesystem::path directory, Header header, std::int64_t frames);
+  /// Goes on with the file of a run that was stopped, after its first `frames` frames and `records` records: later ones are
+  /// dropped.
+  static RunFile resumed(std::filesystem::path directory, Header header, std::int64_t frames, std::int64_t records);
 
   /// The state that the run of this directory began with. Throws FileError.
   static core::State start_in(const std::filesystem::path& directory);
 
-  /// Takes a frame; writes it out at once or, to write larger pieces, within about two seconds of frames.
+  /// Takes a frame or a record; writes it out at once or, to write larger pieces, within about two seconds.
   void add(const Frame& frame);
+  void add(const Record& record);
   /// Writes out what add() still holds.
   void flush();
-  /// Frames taken so far.
-  std::int64_t frames() const { return written() + static_cast<std::int64_t>(times_.size()); }
+  /// Taken so far.
+  std::int64_t frames() const { return frames_.rows() + static_cast<std::int64_t>(frame_rows_.times.size()); }
+  std::int64_t records() const { return records_.rows() + static_cast<std::int64_t>(record_rows_.times.size()); }
 
  private:
-  struct Segment {
-    std::int64_t first, end;  // frames [first, end)
-    std::int64_t count() const { return end - first; }
-    bool operator==(const Segment&) const = default;
-    std::string name() const;  // relative to the directory
-  };
-  struct Column {  // an observable's values, frame after frame
+  struct Column {  // an observable's values, row after row
     Observable like;
     std::vector<double> values;
   };
+  /// Rows not yet written: what frames and records have in common.
+  struct Rows {
+    std::vector<double> times;
+    std::vector<std::int64_t> steps;
+    std::vector<Column> columns;
+    void add(double time, std::int64_t step, const std::vector<Observable>& observables);
+    void write(core::Hdf5File& file) const;
+    void clear();
+  };
   explicit RunFile(std::filesystem::path directory, Header header);
 
-  std::int64_t written() const { return segments_.empty() ? 0 : segments_.back().end; }
-  void write_segment();
-  void merge_segments();
-  void remove_unused(const std::vector<Segment>& candidates) const;
+  void flush_when_due();
+  void write_frames();
+  void write_records();
   void write_index() const;
-  std::filesystem::path path_of(const Segment& segment) const { return directory_ / segment.name(); }
+  void write_observables(core::Hdf5File& file, const Segments& segments, const std::string& shared) const;
 
   std::filesystem::path directory_;
   Header header_;
   core::State start_;
   std::vector<core::BallId> content_;  // ids of the rows
-  std::vector<Segment> segments_;      // in order, without gaps
+  Segments frames_, records_;
 
-  // Frames not yet written.
-  std::vector<double> times_, positions_, velocities_;
-  std::vector<std::int64_t> steps_;
+  Rows frame_rows_, record_rows_;
+  std::vector<double> positions_, velocities_;  // of the frames not yet written
   std::vector<std::uint8_t> levels_;
-  std::vector<Column> columns_;
   std::chrono::steady_clock::time_point last_flush_ = std::chrono::steady_clock::now();
+};
+
+/// An observable over time, as it was recorded.
+struct Recorded {
+  std::vector<double> time;        // s
+  std::vector<double> values;      // `width` for each time
+  std::size_t width = 1;
 };
 
 /// Reads the frames of a run. Throws FileError where the file or a segment is missing or damaged.
@@ -107,9 +126,10 @@ class RunReader {
   std::int64_t frame_at(double time) const;
   /// The balls that are there in this frame, wall and plug included; `level` is filled.
   core::State state(std::int64_t frame) const;
-  /// Names of the observables, and one of them in a frame; nothing if the run has no such one.
+  /// Names of the observables, and one of them in a frame or throughout; nothing if the run has no such one.
   std::vector<std::string> observables() const;
   std::optional<std::vector<double>> observable(const std::string& name, std::int64_t frame) const;
+  std::optional<Recorded> series(const std::string& name) const;
   /// The resolved scene.
   toml::table scene() const;
 

@@ -77,6 +77,7 @@ void expect_same(const Scene& a, const Scene& b) {
     EXPECT_EQ(p.outlet_open, q.outlet_open);
     EXPECT_EQ(p.first_impact, q.first_impact);
     EXPECT_EQ(p.every, q.every);
+    EXPECT_EQ(p.observables_every, q.observables_every);
     expect_same(p.stepping, q.stepping);
     expect_same(p.materials, q.materials);
   }
@@ -285,12 +286,27 @@ TEST_F(SceneFile, PhaseErrorsNameTheRemedy) {
       {"[[phase]]\nduration = 1\n[phase.contact]\nk_bal = 1\n", "did you mean `k_ball`?"},
       {"[output]\nevery = 0.3\n[[phase]]\nduration = 1\n", "scene.toml:6: [[phase]] duration = 1: must be a whole multiple of every = 0.3 s; nearest: 0.9 or 1.2 s"},
       {"[output]\nevery = 0.3\n[[phase]]\nduration = 0.1\n", "nearest: 0.3 s"},
+      {"[output]\nevery = 1\nobservables_every = 0.3\n[[phase]]\nduration = 1\n", "scene.toml:5: [output] observables_every = 0.3: must divide every = 1 s; nearest: 0.25 or 0.333333333333 s"},
+      {"[[phase]]\nduration = 1\nobservables_every = 2\n", "scene.toml:5: [[phase]] observables_every = 2: must divide every = 1 s; nearest: 1 s"},
+      {"[output]\nobservables_every = 0.3\n[[phase]]\nduration = 1\nevery = 0.5\n", "scene.toml:7: [[phase]] every = 0.5: must be a whole multiple of observables_every = 0.3 s; nearest: 0.3 or 0.6 s"},
+      {"[output]\nobservables_every = 0.3\n[[phase]]\nduration = 1\n", "[[phase]] duration = 1: must be a whole multiple of observables_every = 0.3 s"},
+      {"[[phase]]\nduration = 1\nobservables_every = 0\n", "must be above 0 s"},
   };
   for (const Bad& bad : cases) {
     const std::string text = message(std::string(kInitial) + bad.text);
     EXPECT_NE(text.find(bad.expected), std::string::npos) << bad.text << "gives\n" << text;
   }
   EXPECT_NE(message(kPhase).find("[silo] table that builds one"), std::string::npos);
+}
+
+TEST_F(SceneFile, RecordsComeWithFramesUnlessAskedForBetween) {
+  const Scene scene = read(std::string("[output]\nevery = 0.5\nobservables_every = 0.1\n") + kInitial + kPhase +
+                           "[[phase]]\nduration = 2\nevery = 0.2\n[[phase]]\nduration = 1\nobservables_every = 0.05\n");
+  EXPECT_EQ(scene.phases[0].observables_every, 0.1);
+  EXPECT_EQ(scene.phases[1].observables_every, 0.1);
+  EXPECT_EQ(scene.phases[2].observables_every, 0.05);
+  EXPECT_EQ(read_after("[output]\nevery = 0.25\n").phases[0].observables_every, 0.25);
+  EXPECT_EQ(read_after("").phases[0].observables_every, 1.0);
 }
 
 TEST_F(SceneFile, DecimalMultiplesAreMultiples) {

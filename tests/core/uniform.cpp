@@ -10,6 +10,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <map>
 #include <numeric>
 #include <ostream>
 #include <string>
@@ -385,6 +386,52 @@ TEST(UniformEnergies, KineticEnergyAloneIsThatOfAllAndTheSameInAnySort) {
     EXPECT_GT(all, 0.0);
   }
   EXPECT_EQ(found[0], found[1]);
+}
+
+TEST(UniformEnergies, MomentumAloneIsThatOfAllAndTheSameInAnySort) {
+  const State state = tests::tray(9, 4, 3);
+  std::vector<Vec3> found;
+  for (const double skin : {0.0, 0.05}) {
+    StepperSetup setup = tray_setup(Integrator::predicted);
+    setup.skin = skin;
+    const auto stepper = make_uniform_stepper(state, setup);
+    stepper->advance(300);
+    found.push_back(stepper->momentum());
+    const Vec3 all = stepper->energies().momentum;
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(found.back()[k], all[k], 1e-9 * all.norm());  // rounding to 2^-38 of the fastest ball's, ball by ball
+    EXPECT_GT(all.norm(), 0.0);
+  }
+  EXPECT_EQ(found[0], found[1]);
+}
+
+TEST(UniformForces, OfFixedBallsAreThoseOfTheContactsAndTheSameInAnySort) {
+  const State state = tests::tray(9, 4, 3);
+  std::vector<std::vector<FixedForce>> found;
+  for (const double skin : {0.0, 0.05}) {
+    StepperSetup setup = tray_setup(Integrator::predicted);
+    setup.skin = skin;
+    const auto stepper = make_uniform_stepper(state, setup);
+    stepper->advance(300);
+    found.push_back(stepper->fixed_forces());
+    std::map<BallId, Vec3> wanted;
+    double largest = 0.0;
+    for (const Contact& contact : stepper->contacts()) {
+      if (contact.other == Kind::content) continue;
+      wanted.try_emplace(contact.j, Vec3::Zero()).first->second -= contact.force;
+      largest = std::max(largest, contact.force.norm());
+    }
+    ASSERT_GT(largest, 0.0);
+    EXPECT_EQ(found.back().size(), state.count(Kind::wall));
+    for (const FixedForce& its : found.back()) {
+      const Vec3 sum = wanted.contains(its.id) ? wanted[its.id] : Vec3::Zero();
+      // Each contact is rounded to a force unit, 2^-36 N or near it; sums in doubles round to 1e-16 of theirs.
+      EXPECT_LE((its.force - sum).norm(), 1e-9 + 1e-14 * largest) << its.id;
+    }
+  }
+  for (std::size_t k = 0; k < found[0].size(); ++k) {
+    EXPECT_EQ(found[0][k].id, found[1][k].id);
+    EXPECT_EQ(found[0][k].force, found[1][k].force);
+  }
 }
 
 // ---- what leaves ----

@@ -13,6 +13,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
+#include <numbers>
 #include <thread>
 
 namespace grainclock::silo {
@@ -107,6 +108,7 @@ method = "uniform"
 step = 1e-5
 [output]
 every = 0.01
+observables_every = 0.0025
 [[phase]]
 name = "settle"
 duration = 0.2
@@ -158,6 +160,11 @@ void expect_same_runs(const fs::path& a, const fs::path& b) {
       ASSERT_EQ(one.observable(name, frame), other.observable(name, frame)) << name << " in frame " << frame;
     }
   }
+  for (const std::string& name : one.observables()) {
+    if (name == "contact_evaluations") continue;
+    ASSERT_EQ(one.series(name)->time, other.series(name)->time) << name;
+    ASSERT_EQ(one.series(name)->values, other.series(name)->values) << name;
+  }
 }
 
 // ---------------------------------------------------------------- usage
@@ -191,11 +198,12 @@ struct Bad {
 
 TEST_F(Program, WrongScenesAreExitCode2AndLeaveNothing) {
   const Bad cases[] = {
-      {"colour = 1\n", "scene.toml:21: unknown key `colour` in [[phase]]"},
-      {"step = 'small'\n", "scene.toml:21: [[phase]] step = 'small': must be a number"},
+      {"colour = 1\n", "scene.toml:22: unknown key `colour` in [[phase]]"},
+      {"step = 'small'\n", "scene.toml:22: [[phase]] step = 'small': must be a number"},
       {"step = -1e-5\n", "must be above 0 s"},
       {"every = 0.03\n", "must be a whole multiple of every = 0.03 s; nearest: 0.03 or 0.06 s"},
-      {"name = \n", "scene.toml:21:"},
+      {"observables_every = 0.003\n", "must divide every = 0.01 s; nearest: 0.0025 or 0.00333333333333 s"},
+      {"name = \n", "scene.toml:22:"},
       {"[contact]\nk_ball = 0\n", "must be above 0 N/m"},
   };
   for (const Bad& bad : cases) {
@@ -274,6 +282,11 @@ TEST_F(Program, BallThatLeavesElsewhereFailsAndIsNamed) {
 
 // ---------------------------------------------------------------- runs
 
+class Stepped : public Program, public ::testing::WithParamInterface<const char*> {
+ protected:
+  std::string method() const { return fmt::format("stepping.method='{}'", GetParam()); }
+};
+
 TEST_F(Program, RunLeavesSceneFramesFinalStateAndLedger) {
   const Result result = run();
   ASSERT_EQ(result.code, 0) << result.err;
@@ -309,6 +322,43 @@ TEST_F(Program, FramesChangeNoResult) {
   ASSERT_EQ(run().code, 0);
   ASSERT_EQ(call({"run", scene_, "--out", scratch_ / "fewer", "--set", "output.every=0.05"}).code, 0);
   EXPECT_EQ(core::checksum(core::read_state(out_ + "/final.h5")), core::checksum(core::read_state(scratch_ / "fewer/final.h5")));
+}
+
+TEST_P(Stepped, RecordsBetweenFramesChangeNoResult) {
+  // 7e-5 s: steps of 0.01 / 143 s, and 0.0025 s is no multiple of them.
+  const Words steps{"--set", method(), "--set", "stepping.step=7e-5"};
+  ASSERT_EQ(run(steps).code, 0);
+  const std::string sparse = scratch_ / "sparse";
+  ASSERT_EQ(call(Words{"run", scene_, "--out", sparse, "--set", "output.observables_every=0.01"} + steps).code, 0);
+  EXPECT_EQ(core::checksum(core::read_state(out_ + "/final.h5")), core::checksum(core::read_state(sparse + "/final.h5")));
+  const RunReader dense(out_), frames(sparse);
+  const double step = 0.01 / 143;
+  const Recorded energy = *dense.series("kinetic_energy");
+  ASSERT_EQ(energy.time.size(), 141u);
+  EXPECT_EQ(frames.series("kinetic_energy")->time, frames.times());
+  for (std::size_t k = 0; k < energy.time.size(); ++k) {
+    EXPECT_LE(std::abs(energy.time[k] - 0.0025 * static_cast<double>(k)), 0.5 * step * (1.0 + 1e-9));  // rounding
+  }
+  for (std::size_t frame = 0; frame < frames.times().size(); ++frame)
+    EXPECT_EQ(energy.values[4 * frame], frames.series("kinetic_energy")->values[frame]);
+  // What the wall gives over any interval is what momentum, weight and loss say: here while nothing leaves and the plug is there.
+  const Recorded momentum = *dense.series("momentum"), impulse = *dense.series("wall_impulse");
+  double mass = 0.0;
+  for (std::size_t i = 0; i < 48; ++i) mass += 1250.0 * 4.0 / 3.0 * std::numbers::pi * std::pow(pile().radius[i], 3);
+  for (std::size_t k = 1; k < 80; ++k) {
+    const auto change = [&](const Recorded& series, std::size_t axis) { return series.values[3 * k + axis] - series.values[3 * (k - 1) + axis]; };
+    const double weight = -9.81 * mass * (energy.time[k] - energy.time[k - 1]);
+    // Rounding: 2^-38 of the largest ball's momentum for each of them, 1e-16 of all impulses so far.
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      EXPECT_NEAR(change(momentum, axis) - (axis == 2 ? weight : 0.0), change(impulse, axis), 1e-8 * -weight) << k;
+  }
+}
+
+TEST_F(Program, RecordsCloserThanStepsAreOneAStep) {
+  ASSERT_EQ(run({"--set", "stepping.step=2.5e-4", "--set", "output.observables_every=1e-4"}).code, 0);
+  const std::vector<double> time = RunReader(out_).series("discharged")->time;
+  ASSERT_EQ(time.size(), 1401u);  // 0.35 s of steps of 2.5e-4 s
+  for (std::size_t k = 0; k < time.size(); ++k) EXPECT_NEAR(time[k], 2.5e-4 * static_cast<double>(k), 1e-12);  // rounding
 }
 
 TEST_F(Program, PhaseEndsWhenTheOutletIsEmptyOrEnoughIsOut) {
@@ -363,11 +413,6 @@ duration = 1.0
   EXPECT_LE(reader.times().back(), 0.4515 + 0.02);
   EXPECT_EQ(call({"resume", out_}).code, 0);
 }
-
-class Stepped : public Program, public ::testing::WithParamInterface<const char*> {
- protected:
-  std::string method() const { return fmt::format("stepping.method='{}'", GetParam()); }
-};
 
 TEST_P(Stepped, ThreadsChangeNoResult) {
   ASSERT_EQ(run({"--set", method(), "--set", "stepping.step=1e-4", "--threads", "1"}).code, 0);

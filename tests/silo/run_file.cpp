@@ -44,6 +44,29 @@ Frame frame(std::int64_t k) {
   return frame;
 }
 
+/// Three records for each frame, the last of them with it.
+Record record(std::int64_t k) {
+  const double time = 0.1 * static_cast<double>(k) / 3.0;
+  return {time, k, {{"discharged", "", {}, {static_cast<double>(k * k)}}, {"lateral_force_by_layer", "N", {2, 2}, {1.0, 2.0, time, -time}}}};
+}
+
+void expect_records(const std::filesystem::path& directory, std::int64_t n) {
+  const RunReader run(directory);
+  const auto discharged = run.series("discharged"), lateral = run.series("lateral_force_by_layer");
+  ASSERT_EQ(discharged.has_value(), n > 0);
+  if (n == 0) return;
+  ASSERT_EQ(discharged->time.size(), static_cast<std::size_t>(n));
+  EXPECT_EQ(discharged->width, 1u);
+  EXPECT_EQ(lateral->width, 4u);
+  for (std::int64_t k = 0; k < n; ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    const Record wanted = record(k);
+    EXPECT_EQ(discharged->time[at], wanted.time);
+    EXPECT_EQ(discharged->values[at], wanted.observables[0].values[0]);
+    EXPECT_EQ(std::vector<double>(lateral->values.begin() + 4 * k, lateral->values.begin() + 4 * (k + 1)), wanted.observables[1].values);
+  }
+}
+
 core::Scene scene() {
   core::Scene scene;
   scene.seed = 7;
@@ -115,7 +138,7 @@ TEST(RunFile, ResumedRunDropsLaterFramesAndGoesOn) {
         file.flush();  // frames 0 to 7 and 8 to 15 are merged: 3 and 9 lie within a segment
       }
     }
-    RunFile file = RunFile::resumed(scratch.path(), {its_scene, 1, {}}, kept);
+    RunFile file = RunFile::resumed(scratch.path(), {its_scene, 1, {}}, kept, 0);
     expect_frames(scratch.path(), kept);
     for (std::int64_t k = kept; k < 23; ++k) file.add(frame(k));
     file.flush();
@@ -127,8 +150,59 @@ TEST(RunFile, ResumingNeedsTheFramesOfTheCheckpoint) {
   const Scratch scratch;
   const core::Scene its_scene = scene();
   RunFile(scratch.path(), start(), {its_scene, 1, {}}).add(frame(0));
-  const auto text = message_of<core::FileError>([&] { RunFile::resumed(scratch.path(), {its_scene, 1, {}}, 5); });
+  const auto text = message_of<core::FileError>([&] { RunFile::resumed(scratch.path(), {its_scene, 1, {}}, 5, 0); });
   EXPECT_NE(text.find("0 of the 5 frames"), std::string::npos) << text;
+}
+
+TEST(RunFile, RecordsBetweenFramesReadBackAndFramesFindTheirs) {
+  const Scratch scratch;
+  const core::Scene its_scene = scene();
+  RunFile file(scratch.path(), start(), {its_scene, 1, {0.0, 1.0, 2.0}});
+  for (std::int64_t k = 0; k < 60; ++k) {
+    file.add(record(k));
+    if (k % 10 == 0) file.add(frame(k / 10));  // of the same step
+    if (k % 4 == 0) file.flush();
+  }
+  file.flush();
+  EXPECT_EQ(file.frames(), 6);
+  EXPECT_EQ(file.records(), 60);
+  expect_frames(scratch.path(), 6);
+  expect_records(scratch.path(), 60);
+  const RunReader run(scratch.path());
+  for (std::int64_t k = 0; k < 6; ++k) EXPECT_EQ(run.observable("discharged", k)->at(0), 100.0 * static_cast<double>(k * k));
+  EXPECT_FALSE(run.series("nothing"));
+}
+
+TEST(RunFile, FrameWithoutItsRecordIsAnError) {
+  const Scratch scratch;
+  const core::Scene its_scene = scene();
+  RunFile file(scratch.path(), start(), {its_scene, 1, {}});
+  file.add(frame(0));
+  file.add(frame(1));
+  file.add(record(0));
+  file.flush();
+  const RunReader run(scratch.path());
+  EXPECT_EQ(run.observable("discharged", 0)->at(0), 0.0);
+  EXPECT_NE(message_of<core::FileError>([&] { run.observable("discharged", 1); }).find("frame 1"), std::string::npos);
+}
+
+TEST(RunFile, ResumedRunDropsLaterRecordsAndGoesOn) {
+  for (const std::int64_t kept : {0, 3, 8, 9, 20}) {
+    const Scratch scratch;
+    const core::Scene its_scene = scene();
+    {
+      RunFile file(scratch.path(), start(), {its_scene, 1, {}});
+      for (std::int64_t k = 0; k < 20; ++k) {
+        file.add(record(k));
+        file.flush();
+      }
+    }
+    RunFile file = RunFile::resumed(scratch.path(), {its_scene, 1, {}}, 0, kept);
+    expect_records(scratch.path(), kept);
+    for (std::int64_t k = kept; k < 23; ++k) file.add(record(k));
+    file.flush();
+    expect_records(scratch.path(), 23);
+  }
 }
 
 TEST(RunFile, FrameNearestInTimeIsFound) {
@@ -160,8 +234,9 @@ TEST(RunFile, OpensInPythonFromAnotherDirectoryAsH5md) {
   const Scratch scratch;
   const core::Scene its_scene = scene();
   std::filesystem::create_directory(scratch.path() / "out");
-  RunFile file(scratch.path() / "out", start(), {its_scene, 3, {}});
+  RunFile file(scratch.path() / "out", start(), {its_scene, 3, {0.0, 1.0, 2.0}});
   for (std::int64_t k = 0; k < 12; ++k) {
+    for (std::int64_t part = std::max<std::int64_t>(0, 10 * k - 9); part <= 10 * k; ++part) file.add(record(part));
     file.add(frame(k));
     if (k % 2 == 1) file.flush();
   }
@@ -186,6 +261,11 @@ assert list(w["id"]) == [0, 2, 5] and list(w["kind"]) == [1, 1, 2] and w["positi
 o = f["observables"]
 assert (o["kinetic_energy/value"][:] == 1.5 * numpy.arange(12)).all() and o["kinetic_energy/value"].attrs["unit"] == "J"
 assert o["momentum/value"].shape == (12, 3) and len(o["momentum/time"]) == 12
+d, l = o["discharged"], o["lateral_force_by_layer"]
+assert (d["value"][:] == numpy.arange(111) ** 2).all() and (d["step"][:] == numpy.arange(111)).all()
+assert d["time"] == l["time"] and d["time"].attrs["unit"] == "s" and numpy.allclose(d["time"][:], numpy.arange(111) / 30)
+assert l["value"].shape == (111, 2, 2) and l["value"].attrs["unit"] == "N" and list(l["value"].attrs["layer_edges"]) == [0, 1, 2]
+assert o["momentum/time"] == c["position/time"]
 p = f["provenance"]
 assert p["scene"][()] == b"seed = 7\n" and p["seed"][()] == 7 and p["threads"][()] == 3
 for name in ("version", "git_revision", "compiler", "flags", "host", "libraries"):
