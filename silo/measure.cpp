@@ -5,6 +5,7 @@
 #include "core/scene.hpp"
 #include "core/share_work.hpp"
 #include "core/toml_keys.hpp"
+#include "silo/between_frames.hpp"
 #include "silo/frame_contacts.hpp"
 #include "silo/observables.hpp"
 
@@ -81,7 +82,7 @@ class Tables {
     bonds_begin_.push_back(static_cast<std::int64_t>(bonds_.size() / 2));
   }
 
-  void write(const std::filesystem::path& path, const MeasuredSilo& silo) const {
+  void write(const std::filesystem::path& path, const MeasuredSilo& silo, const std::optional<BetweenFrames>& between) const {
     core::AsideFile aside(path);
     core::Hdf5File file = core::Hdf5File::create(aside.part());
     file.write_attribute(".", "kind", std::string("measures"));
@@ -96,6 +97,10 @@ class Tables {
     bridges.write("bonds", bonds_, {bonds_.size() / 2, 2});
     bridges.write("begin", bonds_begin_);
     bridges.write_attribute(".", "least", std::vector<std::int64_t>{kLargeBridge});
+    if (between) {
+      core::Hdf5Group group = file.create_group("between_frames");
+      silo::write(group, *between);
+    }
     file.close();
     aside.commit();
   }
@@ -192,7 +197,7 @@ void measure_run(const std::string& path, const MeasureOptions& options) {
     before = some.back().state;
     progress.note(first + some.size());
   }
-  tables.write(output, silo);
+  tables.write(output, silo, between_frames(run));
   fmt::print("written: {}\n", output.string());
 }
 

@@ -4,6 +4,7 @@
 //   time          s
 //   series/NAME   one row per frame, attribute `unit`; see moment_of(); layer_edges [m] and force_edges (over the mean force) are
 //                 attributes of the group
+//   between_frames/...  stoppages, beats, spectra and the hammer, from what the run records between frames; see between_frames.hpp
 //   wall/...      id, angle, around, along, z, area of the wall balls, and their pressure frame by frame
 //   bridges/...   bonds, ids of two balls that support each other: those of the larger bridges, frame after frame; begin, the first
 //                 row of each frame and at last their number; attribute least, the balls of the smallest bridge that is there

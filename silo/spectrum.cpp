@@ -15,7 +15,7 @@ namespace {
 
 /// Spacing of evenly spaced times [s].
 double spacing(const std::vector<double>& time) {
-  constexpr double kUneven = 1e-3;
+  constexpr double kUneven = 1e-2;
   const double interval = (time.back() - time.front()) / static_cast<double>(time.size() - 1);
   for (std::size_t i = 0; i < time.size(); ++i) {
     const double even = time.front() + static_cast<double>(i) * interval;
@@ -65,6 +65,21 @@ Spectrum power_spectrum(const std::vector<double>& time, const std::vector<doubl
     spectrum.density.push_back((has_twin ? 2.0 : 1.0) * std::norm(modes[k]) * interval / squares);
   }
   return spectrum;
+}
+
+Spectrum mean_spectrum(const std::vector<double>& time, const std::vector<double>& values, int pieces) {
+  GC_REQUIRE(pieces >= 1 && time.size() == values.size(), "spectrum of {} pieces of {} times and {} values: give a piece at least, and as many of both",
+             pieces, time.size(), values.size());
+  const std::size_t length = 2 * time.size() / (static_cast<std::size_t>(pieces) + 1);
+  Spectrum mean;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(pieces); ++k) {
+    const auto first = static_cast<std::ptrdiff_t>(pieces > 1 ? k * (time.size() - length) / (static_cast<std::size_t>(pieces) - 1) : 0);
+    const auto end = first + static_cast<std::ptrdiff_t>(length);
+    Spectrum its = power_spectrum({time.begin() + first, time.begin() + end}, {values.begin() + first, values.begin() + end}, Taper::hann);
+    if (k == 0) mean = Spectrum{std::move(its.frequency), std::vector<double>(its.density.size(), 0.0)};
+    for (std::size_t f = 0; f < mean.density.size(); ++f) mean.density[f] += its.density[f] / pieces;
+  }
+  return mean;
 }
 
 }  // namespace grainclock::silo

@@ -98,10 +98,27 @@ TEST(Spectrum, AConstantHasNone) {
   EXPECT_EQ(spectrum.strongest(), 0.0);
 }
 
+TEST(Spectrum, MeanOverPiecesIsTheMeanOfTheirs) {
+  const auto [time, values] = noise(100);
+  const Spectrum mean = mean_spectrum(time, values, 3);  // pieces of 50, from 0, 25 and 50
+  const auto piece = [](const std::vector<double>& all, std::ptrdiff_t first) { return std::vector<double>(all.begin() + first, all.begin() + first + 50); };
+  const Spectrum a = power_spectrum(piece(time, 0), piece(values, 0), Taper::hann), b = power_spectrum(piece(time, 25), piece(values, 25), Taper::hann),
+                 c = power_spectrum(piece(time, 50), piece(values, 50), Taper::hann);
+  ASSERT_EQ(mean.density.size(), a.density.size());
+  EXPECT_EQ(mean.frequency, a.frequency);
+  for (std::size_t k = 0; k < a.density.size(); ++k)
+    EXPECT_NEAR(mean.density[k], (a.density[k] + b.density[k] + c.density[k]) / 3.0, kRounding * (1.0 + mean.density[k]));
+  EXPECT_EQ(mean_spectrum(time, values, 1).density, power_spectrum(time, values, Taper::hann).density);
+  EXPECT_THROW(mean_spectrum(time, values, 0), core::InputError);
+  EXPECT_THROW(mean_spectrum(time, values, 60), core::InputError);  // three samples each
+}
+
 TEST(Spectrum, UnevenTimesAndUnknownValuesAreRejected) {
   auto [time, values] = noise(20);
   EXPECT_NO_THROW(power_spectrum(time, values, Taper::none));
-  time[7] += 0.02 * 2e-3;
+  time[7] += 0.02 * 8e-3;
+  EXPECT_NO_THROW(power_spectrum(time, values, Taper::none));  // records at the ends of steps
+  time[7] += 0.02 * 4e-3;
   EXPECT_THROW(power_spectrum(time, values, Taper::none), core::InputError);
   time[7] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(power_spectrum(time, values, Taper::none), core::InputError);

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <vector>
 
 namespace grainclock::tests {
 
@@ -60,11 +61,11 @@ max_duration = 2.0
 outlet = "open"
 )";
 
-/// Runs it into SCRATCH/run and gives that path.
-inline std::string gated_run(const Scratch& scratch) {
+/// Runs it into SCRATCH/run and gives that path; `overrides` as of --set.
+inline std::string gated_run(const Scratch& scratch, const std::vector<std::string>& overrides = {}) {
   core::write_state(scratch / "tray.h5", gated_tray());
   testing::internal::CaptureStdout();
-  silo::run_scene(core::read_scene(scratch.file("gated.toml", kGatedScene)), scratch / "run", {});
+  silo::run_scene(core::read_scene(scratch.file("gated.toml", kGatedScene), overrides), scratch / "run", {});
   testing::internal::GetCapturedStdout();
   return scratch / "run";
 }
