@@ -195,17 +195,15 @@ double BallStepper::kinetic_energy() const {
 }
 
 Vec3 BallStepper::momentum() const {
-  const auto along = [this](double BallRow::*component) {
-    return order_free_sum(balls_.content_count(), [this, component](std::uint32_t row) { return mass(row) * (balls_.rows[row].*component); });
-  };
-  return {along(&BallRow::vx), along(&BallRow::vy), along(&BallRow::vz)};
+  return order_free_vector_sum(balls_.content_count(), [this](std::uint32_t row) -> Vec3 { return mass(row) * velocity(balls_.rows[row]); });
 }
 
 std::vector<FixedForce> BallStepper::fixed_forces() const {
   // Whole force units, as in the sweeps: the sums do not depend on the order of the pairs.
+  const double per_unit = 1.0 / scale_.unit;
   std::vector<IntVec> sums(balls_.fixed_count());
   for_each_contact(true, kAllRows, [&](std::uint32_t fixed, const Contact& contact) {
-    for (int k = 0; k < 3; ++k) sums[fixed - balls_.first_fixed_row()].v[k] -= std::llround(contact.force[k] / scale_.unit);
+    for (int k = 0; k < 3; ++k) sums[fixed - balls_.first_fixed_row()].v[k] -= std::llrint(contact.force[k] * per_unit);
   });
   std::vector<FixedForce> out;
   for (std::uint32_t k = 0; k < balls_.fixed_count(); ++k) out.push_back({balls_.fixed_id[k], newtons(sums[k])});

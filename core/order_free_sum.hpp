@@ -1,26 +1,42 @@
 // Sums that are the same in any order of the balls.
 #pragma once
 
+#include "core/state.hpp"
+
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 
 namespace grainclock::core {
 
-/// The sum of value_of(0) to value_of(n - 1), each rounded to 2^-38 of the largest magnitude: whole numbers of a unit that
-/// depends on the largest only. Holds for up to 2^24 values.
+/// What rounds values to whole numbers: 2^-38 of the largest magnitude. So up to 2^24 values have an exact sum.
+inline double order_free_unit(double largest) { return std::max(largest, std::numeric_limits<double>::min()) * 0x1p-38; }
+
+/// The sum of value_of(0) to value_of(n - 1), none below zero, each rounded to the unit of the largest.
 template <class ValueOf>
 double order_free_sum(std::uint32_t n, ValueOf value_of) {
   double largest = 0.0;
-  for (std::uint32_t k = 0; k < n; ++k) largest = std::max(largest, std::abs(value_of(k)));
-  const double unit = std::max(largest, std::numeric_limits<double>::min()) * 0x1p-38;
+  for (std::uint32_t k = 0; k < n; ++k) largest = std::max(largest, value_of(k));
+  const double unit = order_free_unit(largest);
   std::int64_t sum = 0;
-  for (std::uint32_t k = 0; k < n; ++k) {
-    const double value = value_of(k) / unit;
-    sum += static_cast<std::int64_t>(value + std::copysign(0.5, value));
-  }
+  for (std::uint32_t k = 0; k < n; ++k) sum += static_cast<std::int64_t>(value_of(k) / unit + 0.5);
   return unit * static_cast<double>(sum);
+}
+
+/// The same of vectors with components of any sign, which share the unit of the largest component.
+template <class VectorOf>
+Vec3 order_free_vector_sum(std::uint32_t n, VectorOf vector_of) {
+  double largest = 0.0;
+  for (std::uint32_t k = 0; k < n; ++k) largest = std::max(largest, vector_of(k).cwiseAbs().maxCoeff());
+  const double per_unit = 1.0 / order_free_unit(largest);
+  std::array<std::int64_t, 3> sum{};
+  for (std::uint32_t k = 0; k < n; ++k) {
+    const Vec3 units = vector_of(k) * per_unit;
+    for (int axis = 0; axis < 3; ++axis) sum[static_cast<std::size_t>(axis)] += std::llrint(units[axis]);
+  }
+  return order_free_unit(largest) * Vec3(static_cast<double>(sum[0]), static_cast<double>(sum[1]), static_cast<double>(sum[2]));
 }
 
 }  // namespace grainclock::core
