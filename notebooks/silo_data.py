@@ -73,6 +73,13 @@ def read_phases(scene, time, discharged, balls, recorded=None):
     return phases
 
 
+def at_frames(file, name):
+    """An observable's values in the frames of a run: it may be recorded between them, too."""
+    observable = file["observables"][name]
+    rows = np.searchsorted(observable["step"][:], file["particles/content/position/step"][:])
+    return observable["value"][:][rows]
+
+
 class Story:
     """A run, and what `grainclock measure` read off its frames. Times in s; all series have a row per measured frame."""
 
@@ -88,9 +95,9 @@ class Story:
             fixed_place = fixed_balls["position"][:]
             self.fixed = Frame(fixed_place, np.zeros_like(fixed_place), fixed_balls["radius"][:], fixed_balls["kind"][:].astype(int))
             self.fixed_ids = fixed_balls["id"][:]
-            self.discharged_at_frames = file["observables/discharged/value"][:]
-            recorded = file["observables/phase/value"][:] if "phase" in file["observables"] else None
-            self.kinetic_at_frames = file["observables/kinetic_energy/value"][:]
+            self.discharged_at_frames = at_frames(file, "discharged")
+            recorded = at_frames(file, "phase") if "phase" in file["observables"] else None
+            self.kinetic_at_frames = at_frames(file, "kinetic_energy")
         with h5py.File(measures, "r") as file:
             self.time = file["time"][:]
             self.series = {name: dataset[:] for name, dataset in file["series"].items()}

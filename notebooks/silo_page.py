@@ -19,6 +19,7 @@ NOTEBOOKS = Path(__file__).resolve().parent
 ROOT = NOTEBOOKS.parent
 sys.path.insert(0, str(ROOT / "benchmarks"))
 import charts
+import dense_charts
 import silo_charts
 import silo_data
 import silo_words
@@ -47,12 +48,31 @@ def beside(paper, ours):
 def show(*names):
     """Charts of silo_charts by name; where there is none, a line that says why."""
     for name in names:
-        try:
-            figure = charts.figure_of(silo_charts.CHARTS[name], story)
-        except charts.NothingToDraw as reason:
-            display(Markdown(f"*No {name} chart: {reason}.*"))
-        else:
-            display(Image(small_png(figure), metadata={"alt": f"{name} chart"}))
+        show_one(name, silo_charts.CHARTS[name], lambda: story)
+
+
+def show_one(name, chart, data):
+    try:
+        figure = charts.figure_of(chart, data())
+    except charts.NothingToDraw as reason:
+        display(Markdown(f"*No {name} chart: {reason}.*"))
+    else:
+        display(Image(small_png(figure), metadata={"alt": f"{name} chart"}))
+
+
+def dense():
+    return dense_charts.read_dense(story.run, story.measures)
+
+
+def tell_dense(paper, words):
+    """As beside(), of what lies between frames; `words` is a function of dense_charts by name."""
+    beside(paper, lambda _: getattr(dense_charts, words)(dense()))
+
+
+def show_dense(*names):
+    """As show(), of charts of dense_charts."""
+    for name in names:
+        show_one(name, dense_charts.CHARTS[name], dense)
 
 
 def small_png(figure):

@@ -9,6 +9,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
+import h5py
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -50,6 +51,16 @@ class Phases(unittest.TestCase):
         self.assertEqual([phase.contact["k_ball"] for phase in phases], [1, 1, 2])
         self.assertEqual([phase.is_open for phase in phases], [False, True, False])
         self.assertEqual(list(phases[1].holds(np.array([2.0, 2.5, 4.0, 4.1]))), [False, True, True, False])
+
+
+class Frames(unittest.TestCase):
+    def test_an_observable_between_frames_is_read_at_the_frames(self):
+        with h5py.File("none", "w", driver="core", backing_store=False) as file:
+            file["particles/content/position/step"] = [0, 10, 25]
+            file["observables/dense/step"], file["observables/dense/value"] = [0, 5, 10, 15, 20, 25], [0.0, 0.5, 1.0, 1.5, 2.0, 2.5]
+            file["observables/frames/step"], file["observables/frames/value"] = [0, 10, 25], [[1, 2], [3, 4], [5, 6]]
+            self.assertEqual(list(silo_data.at_frames(file, "dense")), [0.0, 1.0, 2.5])
+            self.assertEqual(silo_data.at_frames(file, "frames").tolist(), [[1, 2], [3, 4], [5, 6]])
 
 
 class Series(unittest.TestCase):

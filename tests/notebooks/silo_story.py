@@ -21,6 +21,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = ROOT / "notebooks"
 sys.path[:0] = [str(NOTEBOOKS), str(ROOT / "benchmarks")]
+import dense_charts
 import silo_charts
 import silo_data
 
@@ -90,9 +91,12 @@ class Story(unittest.TestCase):
         # The index links every page that is there, and tells of the others.
         self.assertEqual(set(re.findall(r'href="(\w+)\.html"', pages["index"])) | {"index"}, set(pages))
         self.assertTrue(f'href="{ACCURACY}.ipynb"' in pages["index"])
-        text = "".join(pages.values())
+        text = "".join(page for name, page in pages.items() if name != "between_frames")
         self.assertEqual(pictures(text), set(silo_charts.CHARTS))
         self.assertFalse("Nothing to tell" in text)
+        # Its discharge is too short for a spectrum.
+        self.assertEqual(pictures(pages["between_frames"]), {name for name in dense_charts.CHARTS if "spectrum" not in name})
+        self.assertEqual(pages["between_frames"].count("the discharge is too short for a spectrum"), 3)
         self.assertTrue("500 balls, seed 1: fill to 2.0 s, rest to 3.0 s" in pages["index"])
         for name, page in pages.items():
             with self.subTest(name):
