@@ -355,10 +355,10 @@ TEST_P(Stepped, RecordsBetweenFramesChangeNoResult) {
 }
 
 TEST_F(Program, RecordsCloserThanStepsAreOneAStep) {
-  ASSERT_EQ(run({"--set", "stepping.step=2.5e-4", "--set", "output.observables_every=1e-4"}).code, 0);
+  ASSERT_EQ(run({"--set", "stepping.step=1e-4", "--set", "output.observables_every=2e-5"}).code, 0);
   const std::vector<double> time = RunReader(out_).series("discharged")->time;
-  ASSERT_EQ(time.size(), 1401u);  // 0.35 s of steps of 2.5e-4 s
-  for (std::size_t k = 0; k < time.size(); ++k) EXPECT_NEAR(time[k], 2.5e-4 * static_cast<double>(k), 1e-12);  // rounding
+  ASSERT_EQ(time.size(), 3501u);  // 0.35 s of steps of 1e-4 s
+  for (std::size_t k = 0; k < time.size(); ++k) EXPECT_NEAR(time[k], 1e-4 * static_cast<double>(k), 1e-12);  // rounding
 }
 
 TEST_F(Program, PhaseEndsWhenTheOutletIsEmptyOrEnoughIsOut) {
