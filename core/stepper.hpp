@@ -44,6 +44,7 @@ struct LevelStatistics {
   double listed = 0.0;            // pairs in the list now: what a uniform step evaluates
   double renewals = 0.0;          // evaluations of all listed pairs per coarsest step, for classes and after new lists
   int renew_every = 0;            // coarsest steps between regular renewals of classes; 0 without classes
+  double common_step = 0.0;       // s, what all balls together could take at the tolerance, by the last classes; may be infinite
   bool ran_out = false;           // even with all balls at level 0 the tolerance was not to be had, at some time
 };
 

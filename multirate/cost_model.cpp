@@ -10,17 +10,10 @@
 namespace grainclock::multirate {
 namespace {
 
-/// Coarsest steps that a prediction looks ahead, several renewals: levels as first classified lack the hysteresis of later
-/// ones, and lists need a while to find their skins. A count, not a time: the same state always gives the same prediction.
-constexpr std::int64_t kTrialSteps = 24;
-constexpr std::int64_t kMostUniformSteps = 1000;  // of as long a look ahead, where that would take many
-
-/// Whether all balls at the finest of `levels` levels would keep the tolerance.
-bool is_accurate(const core::State& state, core::StepperSetup setup, double coarsest_step, int levels) {
-  setup.stepping.step = coarsest_step;
-  setup.stepping.levels = levels;
-  return !make_multirate_stepper(state, setup)->level_statistics().ran_out;
-}
+// A trial's length: many enough renewals that the few early ones and new lists among them come out as often as they do, many
+// enough steps where all renewals are alike. Counts, not times: the same state always gives the same prediction.
+constexpr std::int64_t kTrialRenewals = 6, kTrialSteps = 24;
+constexpr double kMostUniformSteps = 10000.0;  // of as long a look ahead, where that would take many
 
 core::StepperSetup uniform_setup(core::StepperSetup setup, double step) {
   setup.stepping.method = core::Method::uniform;
@@ -28,16 +21,22 @@ core::StepperSetup uniform_setup(core::StepperSetup setup, double step) {
   return setup;
 }
 
-/// What a stepper counts over the next steps, or what it begins with if the numerics fail within them.
-template <class Count>
-auto try_out(core::Stepper& stepper, std::int64_t steps, Count count) {
-  const auto first = count();
+/// Counts over the next steps, or over those before the numerics fail.
+Trial try_out(core::Stepper& stepper, std::int64_t steps) {
+  const std::int64_t begin = stepper.steps_done();
+  const std::uint64_t had = stepper.costs().contact_evaluations;
   try {
     stepper.advance(steps);
-    return count();
   } catch (const core::NumericsError&) {
-    return first;
   }
+  const std::int64_t done = stepper.steps_done() - begin;
+  const auto evaluated = static_cast<double>(stepper.costs().contact_evaluations - had);
+  return {done, evaluated / static_cast<double>(std::max<std::int64_t>(done, 1))};
+}
+
+/// See equally_accurate_step(), from the step that all balls together could take.
+double equally_accurate_step(const core::State& state, const core::StepperSetup& setup, double common_step) {
+  return std::min({common_step, *setup.stepping.step, default_step(state, uniform_setup(setup, *setup.stepping.step))});
 }
 
 /// The finest level that is in use.
@@ -76,12 +75,7 @@ double selective_cost(const core::LevelStatistics& levels) {
 
 }  // namespace
 
-double evaluations(const core::LevelStatistics& levels) {
-  const double contacts = sum(levels.contacts);
-  return per_coarsest_step(levels.contacts) + levels.renewals * (levels.listed - contacts + kChangedShare * contacts);
-}
-
-Prediction price(const core::LevelStatistics& levels, const UniformSteps& uniform) {
+Prediction price(const core::LevelStatistics& levels, const Trial& selective, const UniformSteps& uniform) {
   Prediction out;
   const std::size_t finest = finest_of(levels);
   for (std::size_t l = finest; l < levels.step.size(); ++l) {
@@ -89,47 +83,29 @@ Prediction price(const core::LevelStatistics& levels, const UniformSteps& unifor
     out.balls.push_back(std::llround(levels.balls[l]));
     out.contacts.push_back(std::llround(levels.contacts[l]));
   }
+  out.tried = selective.steps;
   out.uniform_step = uniform.step;
   const double coarsest = levels.step.back(), uniform_steps = coarsest / uniform.step;
-  const double selective = per_coarsest_step(levels.contacts);
-  if (selective > 0.0) {
-    out.ideal_gain = sum(levels.contacts) * (coarsest / levels.step[finest]) / selective;
-    out.gain = uniform.listed * uniform_steps / evaluations(levels);
-  }
-  out.wall_gain = cost(kUniformPrices, uniform.listed, sum(levels.balls), 1.0) * uniform_steps / selective_cost(levels);
+  const double at_levels = per_coarsest_step(levels.contacts), uniformly = uniform.trial.evaluated;
+  if (at_levels > 0.0) out.ideal_gain = sum(levels.contacts) * (coarsest / levels.step[finest]) / at_levels;
+  if (selective.evaluated > 0.0) out.gain = uniformly * uniform_steps / selective.evaluated;
+  out.wall_gain = cost(kUniformPrices, uniformly, sum(levels.balls), 1.0) * uniform_steps / selective_cost(levels);
   return out;
 }
 
 Prediction predict(const core::State& state, const core::StepperSetup& setup) {
   const auto selective = make_multirate_stepper(state, setup);
-  const core::LevelStatistics levels = try_out(*selective, kTrialSteps, [&] { return selective->level_statistics(); });
-
-  const double step = equally_accurate_step(state, setup);
+  const core::LevelStatistics first = selective->level_statistics();
+  const double step = equally_accurate_step(state, setup, first.common_step);
   const auto uniform = core::make_uniform_stepper(state, uniform_setup(setup, step));
-  const auto listed = [&] {
-    const double done = static_cast<double>(uniform->steps_done() - setup.steps_done);
-    const double evaluated = static_cast<double>(uniform->costs().contact_evaluations - setup.costs.contact_evaluations);
-    return done > 0.0 ? evaluated / done : uniform->level_statistics().listed;
-  };
-  const std::int64_t as_long = std::lround(kTrialSteps * selective->step() / step);
-  return price(levels, {step, try_out(*uniform, std::min(as_long, kMostUniformSteps), listed)});
+  const Trial trial = try_out(*selective, std::max(kTrialSteps, kTrialRenewals * first.renew_every));
+  const double as_long = static_cast<double>(trial.steps) * selective->step() / step;
+  return price(selective->level_statistics(), trial,
+               {step, try_out(*uniform, std::llround(std::min(as_long, kMostUniformSteps)))});
 }
 
 double equally_accurate_step(const core::State& state, const core::StepperSetup& setup) {
-  const double coarsest = *setup.stepping.step;
-  // The number of levels that the tolerance needs, first; then where within the last octave.
-  int too_few = 0, enough = kMostLevels;
-  while (enough - too_few > 1) {
-    const int levels = (too_few + enough) / 2;
-    (is_accurate(state, setup, coarsest, levels) ? enough : too_few) = levels;
-  }
-  double longest = std::ldexp(coarsest, 1 - enough);
-  if (enough > 1) {
-    for (const double factor : {std::sqrt(2.0), std::sqrt(std::sqrt(2.0))}) {
-      if (is_accurate(state, setup, factor * std::ldexp(longest, enough - 2), enough - 1)) longest *= factor;
-    }
-  }
-  return std::min(longest, default_step(state, uniform_setup(setup, coarsest)));
+  return equally_accurate_step(state, setup, make_multirate_stepper(state, setup)->level_statistics().common_step);
 }
 
 }  // namespace grainclock::multirate

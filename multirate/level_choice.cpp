@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 
 namespace grainclock::multirate {
 
@@ -60,6 +61,7 @@ const std::vector<Level>& LevelChoice::for_contacts(bool fixed, const BallSteps&
 
 void LevelChoice::choose(const Recorded& recorded, BallSteps& steps) {
   find_needs(recorded, steps);
+  common_step4_ = std::numeric_limits<double>::infinity();
   steps.before.swap(steps.level);
   std::vector<Level>& level = levels_below_ > 0 ? among_balls_ : steps.level;
   choose_for(levels_below_ > 0 ? Kinds::ball : Kinds::all, recorded, steps, level);
@@ -150,8 +152,9 @@ void LevelChoice::share_error(double error_factor, double Urgency::*urgency4, co
     sum4 += its4;
   }
   const std::size_t n = urgency_.size();
+  if (sum4 > 0.0) common_step4_ = std::min(common_step4_, affordable4(n, error_factor, setup_.stepping.tolerance) / sum4);
+  ran_out_ = ran_out_ || fourth(ladder_.tick()) > common_step4_;
   const double reach4 = shared_reach4(strides4_, n, error_factor, setup_.stepping.tolerance);
-  ran_out_ = ran_out_ || fourth(ladder_.tick()) * sum4 > affordable4(n, error_factor, setup_.stepping.tolerance);
   share_balls([&](std::uint32_t begin, std::uint32_t end) {
     for (std::uint32_t row = begin; row < end; ++row) {
       // Contacts' own levels do not depend on what they were, for a restart does not know it: no hysteresis.

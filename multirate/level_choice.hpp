@@ -8,6 +8,7 @@
 #include "multirate/limiter.hpp"
 #include "multirate/pair_book.hpp"
 
+#include <cmath>
 #include <vector>
 
 namespace grainclock::multirate {
@@ -38,6 +39,8 @@ class LevelChoice {
   void choose(const Recorded& recorded, BallSteps& steps);
   /// A contact with (or without) fixed balls has the finer of these levels of its balls.
   const std::vector<Level>& for_contacts(bool fixed, const BallSteps& steps) const;
+  /// The longest step [s] with which all balls together would keep the tolerance, by the last choice; infinite if nothing moves.
+  double common_step() const { return std::sqrt(std::sqrt(common_step4_)); }
   /// Whether even with all balls at level 0 the tolerance was not to be had, at some time.
   bool ran_out() const { return ran_out_; }
 
@@ -74,6 +77,7 @@ class LevelChoice {
   std::vector<Level> among_balls_, with_fixed_;  // only of contacts with levels of their own
   double speed2_ = 0.0;                          // m2/s2, see mean_square_speed()
   double largest_inverse_mass_ = 0.0;
+  double common_step4_ = 0.0;  // s4
   bool ran_out_ = false;
 };
 

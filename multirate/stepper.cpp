@@ -120,6 +120,7 @@ class MultirateStepper final : public core::BallStepper {
     core::LevelStatistics out;
     out.renew_every = renew_every_;
     out.renewals = coarse_steps_ > 0 ? static_cast<double>(records_) / static_cast<double>(coarse_steps_) : 1.0 / renew_every_;
+    out.common_step = choice_.common_step();
     out.ran_out = choice_.ran_out();
     out.listed = static_cast<double>(list_.ball_pairs().count + list_.fixed_pairs().count);
     for (Level l = 0; l < ladder_.levels(); ++l) {

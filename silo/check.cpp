@@ -92,6 +92,7 @@ void add_levels(Report& report, const core::State& state, const StepperSetup& se
   levels.add("contacts", "contacts", std::vector<double>(prediction.contacts.begin(), prediction.contacts.end()));
   levels.add("ideal_gain", "ideal gain", prediction.ideal_gain);
   levels.add("uniform_step", "uniform steps as accurate", prediction.uniform_step, "s");
+  levels.add("trial_steps", "coarse steps tried out for that", prediction.tried);
   levels.add("predicted_gain", "predicted gain over those, contact evaluations", prediction.gain);
   levels.add("predicted_wall_gain", "predicted gain over those, wall clock", prediction.wall_gain);
   if (!pays(prediction))

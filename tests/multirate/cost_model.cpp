@@ -27,23 +27,20 @@ core::LevelStatistics two_levels() {
   return levels;
 }
 
-TEST(CostModel, EvaluationsByHand) {
-  // Two of 40, one of 200; at every other step those of the 60 other listed pairs and of a fifth of all contacts.
-  EXPECT_DOUBLE_EQ(evaluations(two_levels()), 2.0 * 40.0 + 200.0 + 0.5 * (60.0 + 0.2 * 240.0));
-}
-
 TEST(CostModel, GainsByHand) {
-  const Prediction its = price(two_levels(), {2e-5, 250.0});  // four uniform steps per coarsest step
-  ASSERT_EQ(its.step, (std::vector<double>{4e-5, 8e-5}));     // the empty level is left out
+  // 334 evaluations per coarsest step; four uniform steps of 250.
+  const Prediction its = price(two_levels(), {48, 334.0}, {2e-5, {100, 250.0}});
+  ASSERT_EQ(its.step, (std::vector<double>{4e-5, 8e-5}));  // the empty level is left out
   EXPECT_EQ(its.balls, (std::vector<std::int64_t>{10, 30}));
   EXPECT_EQ(its.contacts, (std::vector<std::int64_t>{40, 200}));
+  EXPECT_EQ(its.tried, 48);
   EXPECT_DOUBLE_EQ(its.ideal_gain, 240.0 * 2.0 / 280.0);
   EXPECT_DOUBLE_EQ(its.gain, 4.0 * 250.0 / 334.0);
   // Prices as in cost_model.hpp: three sweeps over levels, half a renewal of 300 pairs and 40 balls.
   const double selective = 2.3 * 280.0 + 1.2 * 50.0 + 10.0 * 3.0 + 0.5 * (5.5 * 300.0 + 12.0 * 40.0 + 1600.0);
   EXPECT_DOUBLE_EQ(its.wall_gain, 4.0 * (250.0 + 1.2 * 40.0 + 15.0) / selective);
   EXPECT_FALSE(pays(its));
-  EXPECT_TRUE(pays(price(two_levels(), {2.5e-6, 250.0})));
+  EXPECT_TRUE(pays(price(two_levels(), {48, 334.0}, {2.5e-6, {100, 250.0}})));
 }
 
 TEST(CostModel, FewBallsHardlyPayAndManyDo) {
@@ -54,11 +51,11 @@ TEST(CostModel, FewBallsHardlyPayAndManyDo) {
       for (double& count : *counts) count *= by;
     }
     levels.listed *= by;
-    return price(levels, {5e-6, 250.0 * by});
+    return price(levels, {48, 334.0 * by}, {5e-6, {100, 250.0 * by}});
   };
   EXPECT_FALSE(pays(scaled(0.1)));
   EXPECT_TRUE(pays(scaled(1000.0)));
-  EXPECT_EQ(scaled(0.1).gain, scaled(1.0).gain);
+  EXPECT_DOUBLE_EQ(scaled(0.1).gain, scaled(1.0).gain);
 }
 
 /// A start and what its selective stepper is made from.
@@ -124,7 +121,28 @@ Case fines(double tolerance) {
   its.setup.materials.ball.c = its.setup.materials.wall.c = 1e3;
   its.setup.stepping.step = kCoarsest;
   its.setup.stepping.levels = 12;
-  its.start = later(its.start, its.setup, 2e-5, 2000);
+  its.start = later(its.start, its.setup, 2e-5, 6000);
+  return its;
+}
+
+/// A stream of soft balls that jostle each other upon one stiff body.
+Case inclusion(double tolerance) {
+  constexpr int kAcross = 7;
+  constexpr double kSpacing = 0.46, kRadius = 0.22, kJostle = 0.3;  // m, m, m/s
+  Case its{"inclusion", {}, {}};
+  std::mt19937 random(1);
+  const auto uniform = [&] { return static_cast<double>(random()) / 4294967296.0 - 0.5; };
+  for (int site = 0; site < kAcross * kAcross * kAcross; ++site) {
+    const core::Vec3 at(site % kAcross, site / kAcross % kAcross, site / kAcross / kAcross);
+    const core::Vec3 v = core::Vec3::UnitX() + kJostle * core::Vec3(uniform(), uniform(), uniform());
+    its.start.add(site, core::Kind::content, kSpacing * at, v, kRadius);
+  }
+  its.start.add(1000, core::Kind::wall, core::Vec3(3.7, 3.0 * kSpacing, 3.0 * kSpacing), core::Vec3::Zero(), 3.0 * kRadius);
+  its.setup.gravity = core::Vec3::Zero();
+  its.setup.materials.ball = {1e6, 6e3};
+  its.setup.stepping.step = 2.9e-3;
+  its.setup.stepping.tolerance = tolerance;
+  its.start = later(its.start, its.setup, 1e-4, 2000);
   return its;
 }
 
@@ -139,45 +157,56 @@ Case study(const std::string& name, double tolerance) {
   return its;
 }
 
-/// Predicted over counted evaluations of `steps` coarsest steps.
-struct Ratio {
-  double at_start;   // as predicted from the start state
-  double levels;     // as priced from the run's own mean levels
-};
-
-Ratio ratio(const Case& its, int steps) {
-  const Prediction prediction = predict(its.start, its.setup);
-  core::StepperSetup uniform = its.setup;
-  uniform.stepping.method = core::Method::uniform;
-  uniform.stepping.step = prediction.uniform_step;
-  const auto selective = make_stepper(its.start, its.setup), other = make_stepper(its.start, uniform);
-  selective->advance(steps);
-  const auto uniform_steps = std::lround(steps * selective->step() / other->step());
-  other->advance(uniform_steps);
-  const double counted = static_cast<double>(selective->costs().contact_evaluations);
-  const double gain = static_cast<double>(other->costs().contact_evaluations) / counted;
-  return {prediction.gain / gain, evaluations(selective->level_statistics()) * steps / counted};
+/// Contact evaluations of a stepper's next steps.
+double counted(core::Stepper& stepper, std::int64_t steps) {
+  const std::uint64_t before = stepper.costs().contact_evaluations;
+  stepper.advance(steps);
+  return static_cast<double>(stepper.costs().contact_evaluations - before);
 }
 
-TEST(CostModel, PricesTheLevelsOfARunAsCounted) {
+/// The gain that is counted over so many coarsest steps, against uniform ones of `uniform_step` [s].
+double counted_gain(const Case& its, std::int64_t steps, double uniform_step) {
+  core::StepperSetup uniform = its.setup;
+  uniform.stepping.method = core::Method::uniform;
+  uniform.stepping.step = uniform_step;
+  const auto selective = make_stepper(its.start, its.setup), other = make_stepper(its.start, uniform);
+  const auto as_long = std::llround(static_cast<double>(steps) * selective->step() / uniform_step);
+  return counted(*other, as_long) / counted(*selective, steps);
+}
+
+TEST(CostModel, PredictsWhatItsTrialCounts) {
   for (const double tolerance : {1e-3, 1e-4}) {
-    for (const Case& its : {study("pair", tolerance), study("chain", tolerance), study("pile", tolerance),
-                            silo_case(false, tolerance), silo_case(true, tolerance), fines(tolerance)}) {
+    for (const Case& its : {study("pair", tolerance), study("chain", tolerance), study("pile", tolerance), gas(tolerance),
+                            silo_case(false, tolerance), silo_case(true, tolerance), fines(tolerance), inclusion(tolerance)}) {
       SCOPED_TRACE(testing::Message() << its.name << ", tolerance " << tolerance);
-      EXPECT_NEAR(ratio(its, 60).levels, 1.0, 0.1);  // the share of contacts that change level is a mean over scenes
+      const Prediction prediction = predict(its.start, its.setup);
+      EXPECT_GE(prediction.tried, 24);
+      const double gain = counted_gain(its, prediction.tried, prediction.uniform_step);
+      // The same counts; the uniform trial ends within half of one of its steps.
+      const double rounding = 0.5 * prediction.uniform_step / (static_cast<double>(prediction.tried) * *its.setup.stepping.step);
+      EXPECT_NEAR(prediction.gain / gain, 1.0, rounding + 1e-12);
     }
   }
 }
 
 TEST(CostModel, PredictsTheGainOfASteadyScene) {
+  constexpr std::int64_t kTrials = 3;  // two thirds of what is counted come after the trial
   for (const double tolerance : {1e-3, 1e-4}) {
-    for (const Case& its : {silo_case(false, tolerance), fines(tolerance)}) {
+    for (const Case& its : {silo_case(false, tolerance), silo_case(true, tolerance), fines(tolerance), inclusion(tolerance)}) {
       SCOPED_TRACE(testing::Message() << its.name << ", tolerance " << tolerance);
-      EXPECT_NEAR(ratio(its, 60).at_start, 1.0, 0.1);  // the same sources, and what moves meanwhile
+      const Prediction prediction = predict(its.start, its.setup);
+      const double gain = counted_gain(its, kTrials * prediction.tried, prediction.uniform_step);
+      EXPECT_NEAR(prediction.gain / gain, 1.0, 0.1);  // statistics of few early renewals and new lists, and what moves meanwhile
+      RecordProperty(its.name + std::to_string(tolerance), std::to_string(prediction.gain / gain));
     }
-    // A handful of fast balls at the outlet makes up much of so small a flow's cost: statistics of a few tens.
-    EXPECT_NEAR(ratio(silo_case(true, tolerance), 60).at_start, 1.0, 0.25);
   }
+}
+
+TEST(CostModel, CannotForeseeWhatIsStillToHappen) {
+  // The balls of the pile are in the air: the trial knows nothing of their landing, and says nearly three times too much.
+  const Case pile = study("pile", 1e-4);
+  const Prediction prediction = predict(pile.start, pile.setup);
+  EXPECT_GT(prediction.gain, 2.0 * counted_gain(pile, 3 * prediction.tried, prediction.uniform_step));
 }
 
 TEST(CostModel, SaysThatSelectiveStepsLoseOnAGas) {
@@ -192,11 +221,18 @@ TEST(CostModel, SamePredictionEachTime) {
 }
 
 TEST(CostModel, EquallyAccurateStepFollowsTheTolerance) {
-  // Errors go with the square of the step; the search is good to the fourth root of two on either side.
+  // Errors go with the square of the step.
   const Case loose = gas(1e-3), tight = gas(1e-5);
   const double ratio = equally_accurate_step(loose.start, loose.setup) / equally_accurate_step(tight.start, tight.setup);
-  EXPECT_GT(ratio, 10.0 / 1.2);
-  EXPECT_LT(ratio, 10.0 * 1.2);
+  EXPECT_NEAR(ratio, 10.0, 1e-12);  // rounding
+  // It is where the ladder runs out.
+  core::StepperSetup setup = loose.setup;
+  const auto levels = [&] { return make_multirate_stepper(loose.start, setup)->level_statistics(); };
+  const double of_finest = levels().step.front() / levels().common_step;
+  for (const double by : {1.001, 0.999}) {
+    setup.stepping.tolerance = by * of_finest * of_finest * loose.setup.stepping.tolerance;
+    EXPECT_EQ(levels().ran_out, by < 1.0);
+  }
   // A state in which nothing moves takes the coarsest step.
   core::State still;
   still.add(0, core::Kind::content, core::Vec3::Zero(), core::Vec3::Zero(), 0.22);

@@ -2,6 +2,7 @@
 #include "silo/check.hpp"
 
 #include "core/critical_step.hpp"
+#include "core/scene.hpp"
 #include "tests/support/balls.hpp"
 #include "tests/support/closed_forms.hpp"
 
@@ -35,6 +36,17 @@ TEST(PhaseReport, WarnsWhereStepsOfDifferentLengthsMayResonate) {
     EXPECT_NE(report_at(Method::multirate, interface, 0.5 * least).find("may resonate"), std::string::npos) << name(interface);
     EXPECT_EQ(report_at(Method::multirate, interface, 2.0 * least).find("may resonate"), std::string::npos) << name(interface);
     EXPECT_EQ(report_at(Method::uniform, interface, 0.5 * least).find("may resonate"), std::string::npos) << name(interface);
+  }
+}
+
+TEST(CheckScene, SaysWhatSelectiveStepsWillGainAndThatTheyWillNotPayOnSmallScenes) {
+  // The studies' smallest scenes: clocks say a third of the speed of uniform steps at best, benchmarks/README.md.
+  for (const std::string name : {"pair", "chain", "pile"}) {
+    const core::Scene scene = core::read_scene(std::string(GRAINCLOCK_SOURCE) + "/benchmarks/scenes/" + name + ".toml");
+    const std::string said = check_scene(scene, 1).text();
+    EXPECT_NE(said.find("predicted gain over those, contact evaluations"), std::string::npos) << said;
+    EXPECT_NE(said.find("coarse steps tried out for that"), std::string::npos) << said;
+    EXPECT_NE(said.find("multi-rate will not pay in this state"), std::string::npos) << said;
   }
 }
 
