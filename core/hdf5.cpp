@@ -9,6 +9,7 @@
 #include <cstring>
 #include <fstream>
 #include <limits>
+#include <string_view>
 #include <utility>
 
 namespace grainclock::core {
@@ -37,7 +38,7 @@ namespace {
 
 using Shape = Hdf5Group::Shape;
 
-/// The innermost reason that HDF5 noted.
+/// The innermost reason that HDF5 noted; of a failed system call only what the system says.
 std::string reason() {
   std::string text = "HDF5 gives no reason";
   const auto note = [](unsigned, const H5E_error2_t* error, void* out) -> herr_t {
@@ -45,7 +46,11 @@ std::string reason() {
     return 0;
   };
   H5Ewalk2(H5E_DEFAULT, H5E_WALK_DOWNWARD, note, &text);
-  return text;
+  constexpr std::string_view kSystem = "error message = '";
+  const std::size_t at = text.find(kSystem);
+  if (at == std::string::npos) return text;
+  text.erase(0, at + kSystem.size());
+  return text.substr(0, text.find('\''));
 }
 
 template <class T> hid_t type_of();
@@ -250,6 +255,7 @@ std::string Hdf5Group::read_text(const std::string& name) const {
 
 namespace {
 
+/// Close what it gives, and look whether that succeeds: it may write the dataset's last bytes.
 Hdf5Handle create_dataset(hid_t group, const std::string& name, hid_t type, const Shape& shape, hid_t properties = H5P_DEFAULT) {
   const Hdf5Handle space = space_of(shape);
   return {H5Dcreate2(group, name.c_str(), type, space.id(), H5P_DEFAULT, properties, H5P_DEFAULT), H5Dclose};
@@ -265,7 +271,8 @@ std::vector<double> flat(const std::vector<Vec3>& vectors) {
 
 template <class T>
 void Hdf5Group::create_rows(const std::string& name, const Shape& shape) {
-  if (!create_dataset(handle_.id(), name, type_of<T>(), shape).is_valid()) fail(name, "cannot be created: " + reason());
+  Hdf5Handle dataset = create_dataset(handle_.id(), name, type_of<T>(), shape);
+  if (!dataset.is_valid() || !dataset.close()) fail(name, "cannot be created: " + reason());
 }
 
 template <class T>
@@ -275,17 +282,18 @@ void Hdf5Group::write_rows(const std::string& name, std::uint64_t first, const s
   written[0] = 1;
   written[0] = values.size() / std::max<std::uint64_t>(1, product(written));
   if (product(written) != values.size()) fail(name, fmt::format("{} values are not whole rows", values.size()));
-  const Hdf5Handle dataset = open_dataset(handle_.id(), name), from = space_of(written), to = rows_of(extents, first, written[0]);
-  if (!to.is_valid() || H5Dwrite(dataset.id(), type_of<T>(), from.id(), to.id(), H5P_DEFAULT, values.data()) < 0)
+  const Hdf5Handle from = space_of(written), to = rows_of(extents, first, written[0]);
+  Hdf5Handle dataset = open_dataset(handle_.id(), name);
+  if (!to.is_valid() || H5Dwrite(dataset.id(), type_of<T>(), from.id(), to.id(), H5P_DEFAULT, values.data()) < 0 || !dataset.close())
     fail(name, "cannot be written: " + reason());
 }
 
 template <class T>
 void Hdf5Group::write(const std::string& name, const std::vector<T>& values, const Shape& shape) {
   if (product(shape) != values.size()) fail(name, fmt::format("{} values do not fill the shape", values.size()));
-  const Hdf5Handle dataset = create_dataset(handle_.id(), name, type_of<T>(), shape);
+  Hdf5Handle dataset = create_dataset(handle_.id(), name, type_of<T>(), shape);
   if (!dataset.is_valid() ||
-      (!values.empty() && H5Dwrite(dataset.id(), type_of<T>(), H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0))
+      (!values.empty() && H5Dwrite(dataset.id(), type_of<T>(), H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0) || !dataset.close())
     fail(name, "cannot be written: " + reason());
 }
 
@@ -300,19 +308,19 @@ void Hdf5Group::write_vectors(const std::string& name, const std::vector<Vec3>& 
 
 void Hdf5Group::write_text(const std::string& name, const std::string& text) {
   const Hdf5Handle type = text_type();
-  const Hdf5Handle dataset = create_dataset(handle_.id(), name, type.id(), {});
+  Hdf5Handle dataset = create_dataset(handle_.id(), name, type.id(), {});
   const char* raw = text.c_str();
-  if (!dataset.is_valid() || H5Dwrite(dataset.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, &raw) < 0)
+  if (!dataset.is_valid() || H5Dwrite(dataset.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, &raw) < 0 || !dataset.close())
     fail(name, "cannot be written: " + reason());
 }
 
 void Hdf5Group::write_texts(const std::string& name, const std::vector<std::string>& texts) {
   const Hdf5Handle type = text_type();
-  const Hdf5Handle dataset = create_dataset(handle_.id(), name, type.id(), {texts.size()});
+  Hdf5Handle dataset = create_dataset(handle_.id(), name, type.id(), {texts.size()});
   std::vector<const char*> raw;
   for (const std::string& text : texts) raw.push_back(text.c_str());
   const bool is_written =
-      dataset.is_valid() && (raw.empty() || H5Dwrite(dataset.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, raw.data()) >= 0);
+      dataset.is_valid() && (raw.empty() || H5Dwrite(dataset.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, raw.data()) >= 0) && dataset.close();
   if (!is_written) fail(name, "cannot be written: " + reason());
 }
 
@@ -335,7 +343,8 @@ void Hdf5Group::write_virtual(const std::string& name, const Shape& row, const s
       fail(name, fmt::format("cannot take rows from {}: {}", part.file, reason()));
     first += part.rows;
   }
-  if (!create_dataset(handle_.id(), name, type_of<T>(), extents, properties.id()).is_valid())
+  Hdf5Handle dataset = create_dataset(handle_.id(), name, type_of<T>(), extents, properties.id());
+  if (!dataset.is_valid() || !dataset.close())
     fail(name, "cannot be created: " + reason());
 }
 
@@ -402,15 +411,29 @@ void Hdf5Group::write_attribute(const std::string& name, const std::string& attr
 
 // ---------------------------------------------------------------- files
 
-Hdf5File Hdf5File::create(const std::filesystem::path& path) {
+namespace {
+
+void set_up_library() {
+  // Every file is closed by its owner. One that a full disk kept from that must not be tried again at exit: HDF5 crashes.
+  static const bool once = H5dont_atexit() >= 0;
+  (void)once;
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // we report failures ourselves
-  Hdf5Handle handle(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose);
+}
+
+}  // namespace
+
+Hdf5File Hdf5File::create(const std::filesystem::path& path) {
+  set_up_library();
+  // Strong: close() writes everything out even while groups are open; else that would wait for the last of them.
+  const Hdf5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  H5Pset_fclose_degree(access.id(), H5F_CLOSE_STRONG);
+  Hdf5Handle handle(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.id()), H5Fclose);
   if (!handle.is_valid()) throw FileError(fmt::format("{}: cannot be created: {}", path.string(), reason()));
   return {std::move(handle), path.string(), "/"};
 }
 
 Hdf5File Hdf5File::open(const std::filesystem::path& path) {
-  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+  set_up_library();
   if (std::ifstream readable(path); !readable)
     throw FileError(fmt::format("{}: cannot be read: {}", path.string(), std::strerror(errno)));
   Hdf5Handle handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);

@@ -3,6 +3,7 @@
 #include "core/check.hpp"
 #include "core/files.hpp"
 #include "core/snapshot.hpp"
+#include "silo/progress.hpp"
 #include "silo/provenance.hpp"
 
 #include <algorithm>
@@ -113,6 +114,18 @@ void join_dataset(const std::vector<Hdf5File>& files, const std::vector<Rows>& s
   }
 }
 
+/// Throws FileError unless the file opens and every dataset in it has so many rows.
+void require_whole(const fs::path& path, std::int64_t rows) {
+  const Hdf5File file = Hdf5File::open(path);
+  const auto require_rows = [rows](const Hdf5Group& group, const std::string& name) {
+    const auto shape = group.shape(name);
+    if (shape.empty() || shape[0] != static_cast<std::uint64_t>(rows)) group.fail(name, fmt::format("has not {} rows: it is damaged", rows));
+  };
+  for (const char* name : {"step", "level", "time", "position", "velocity"}) require_rows(file, name);
+  const Hdf5Group observables = file.group("observables");
+  for (const std::string& name : observables.names()) require_rows(observables, name);
+}
+
 /// Writes one segment from the rows of several, in order, aside and renamed.
 void join(const std::vector<Rows>& sources, const fs::path& target) {
   std::vector<Hdf5File> files;
@@ -158,27 +171,36 @@ RunFile RunFile::resumed(fs::path directory, Header header, std::int64_t frames)
   file.start_ = start_in(file.directory_);
   file.content_ = content_ids(file.start_);
 
-  // A kill may leave merged segments beside the ones that they were made from: the longest one counts.
+  // A kill may leave merged segments beside the ones that they were made from: the longest whole one counts.
   std::vector<Segment> found;
   for (const auto& entry : fs::directory_iterator(segments)) {
     Segment segment{};
-    if (std::sscanf(entry.path().filename().c_str(), "%8ld-%8ld.h5", &segment.first, &segment.end) == 2) found.push_back(segment);
+    const bool is_named_so = std::sscanf(entry.path().filename().c_str(), "%ld-%ld.h5", &segment.first, &segment.end) == 2;
+    if (is_named_so && entry.path() == file.path_of(segment)) found.push_back(segment);
   }
   std::sort(found.begin(), found.end(), [](const Segment& a, const Segment& b) {
     return a.first != b.first ? a.first < b.first : a.end > b.end;
   });
-  for (Segment segment : found) {
+  std::string trouble;
+  for (const Segment& segment : found) {
     if (segment.first != file.written() || file.written() >= frames) continue;
-    if (segment.end > frames) {  // a merged one that goes beyond an older checkpoint: its beginning is kept
-      const Segment beginning{segment.first, frames};
-      join({{file.path_of(segment), beginning.count()}}, file.path_of(beginning));
-      segment = beginning;
+    try {
+      require_whole(file.path_of(segment), segment.count());
+      file.segments_.push_back(segment);
+    } catch (const FileError& error) {
+      trouble += fmt::format("; {}", error.what());
     }
-    file.segments_.push_back(segment);
   }
   if (file.written() < frames)
-    throw FileError(fmt::format("{}: holds {} of the {} frames that the checkpoint needs: segments are missing", segments.string(),
-                                file.written(), frames));
+    throw FileError(fmt::format("{}: frames {} to {}, which a checkpoint needs, are missing or damaged{}", segments.string(), file.written(),
+                                frames - 1, trouble));
+  if (file.written() > frames) {  // a merged one that goes beyond an older checkpoint: its beginning is kept
+    const Segment whole = file.segments_.back(), beginning{whole.first, frames};
+    join({{file.path_of(whole), beginning.count()}}, file.path_of(beginning));
+    file.segments_.back() = beginning;
+  }
+  core::remove_parts(file.directory_);
+  core::remove_parts(segments);
   file.write_index();
   file.remove_unused(found);
   return file;
@@ -256,17 +278,24 @@ void RunFile::merge_segments() {
   };
   const std::vector<Segment> before = segments_;
   for (int r = 0;; ++r) {
+    const std::size_t mergeable = segments_.size() - mergeable_from_;
     std::size_t count = 0;
-    while (count < segments_.size() && rank(segments_[segments_.size() - 1 - count]) <= r) ++count;
+    while (count < mergeable && rank(segments_[segments_.size() - 1 - count]) <= r) ++count;
     if (count >= kFanIn) {
       const auto first = segments_.end() - static_cast<std::ptrdiff_t>(count);
       const Segment merged{first->first, segments_.back().end};
       std::vector<Rows> sources;
       for (auto segment = first; segment != segments_.end(); ++segment) sources.push_back({path_of(*segment), segment->count()});
-      join(sources, path_of(merged));
+      try {
+        join(sources, path_of(merged));
+      } catch (const FileError& error) {  // merging only saves files: the run is worth more
+        say("warning: the frames before it stay in small files: {}\n", error.what());
+        mergeable_from_ = segments_.size();
+        break;
+      }
       segments_.erase(first, segments_.end());
       segments_.push_back(merged);
-    } else if (count == segments_.size()) {
+    } else if (count == mergeable) {
       break;
     }
   }
@@ -325,8 +354,8 @@ void RunFile::write_index() const {
 
   Hdf5Group observables = file.create_group("observables");
   if (!segments_.empty()) {
-    const Hdf5File first = Hdf5File::open(path_of(segments_.front()));
-    const Hdf5Group columns = first.group("observables");
+    const Hdf5File newest = Hdf5File::open(path_of(segments_.back()));
+    const Hdf5Group columns = newest.group("observables");
     for (const std::string& name : columns.names()) {
       const auto shape = columns.shape(name);
       write_element<double>(file, observable_path(name), "/" + observable_path(name), columns.text_attribute(name, "unit"),

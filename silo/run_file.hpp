@@ -48,7 +48,8 @@ class RunFile {
   };
   /// Starts the file in the directory, which must exist. `start` holds every ball that will ever be there.
   RunFile(std::filesystem::path directory, const core::State& start, Header header);
-  /// Goes on with the file of a run that was stopped, after its first `frames` frames: later ones are dropped.
+  /// Goes on with the file of a run that was stopped, after its first `frames` frames: later ones are dropped, and the
+  /// parts that a kill left too. Throws FileError, before anything is changed, if some of the frames are missing or damaged.
   static RunFile resumed(std::filesystem::path directory, Header header, std::int64_t frames);
 
   /// The state that the run of this directory began with. Throws FileError.
@@ -86,6 +87,7 @@ class RunFile {
   core::State start_;
   std::vector<core::BallId> content_;  // ids of the rows
   std::vector<Segment> segments_;      // in order, without gaps
+  std::size_t mergeable_from_ = 0;     // segments before it stay as they are: one of them cannot be read any more
 
   // Frames not yet written.
   std::vector<double> times_, positions_, velocities_;
