@@ -157,13 +157,13 @@ std::vector<std::string> Hdf5Group::names() const {
 Hdf5Group Hdf5Group::group(const std::string& name) const {
   Hdf5Handle handle(H5Gopen2(handle_.id(), name.c_str(), H5P_DEFAULT), H5Gclose);
   if (!handle.is_valid()) fail(name, has(name) ? "this group cannot be opened: " + reason() : "this group is missing");
-  return {std::move(handle), file_, path_ + name + "/"};
+  return {std::move(handle), file_, path_ + name + "/", sums_};
 }
 
 Hdf5Group Hdf5Group::create_group(const std::string& name) {
   Hdf5Handle handle(H5Gcreate2(handle_.id(), name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose);
   if (!handle.is_valid()) fail(name, "this group cannot be created: " + reason());
-  return {std::move(handle), file_, path_ + name + "/"};
+  return {std::move(handle), file_, path_ + name + "/", sums_};
 }
 
 void Hdf5Group::link(const std::string& target, const std::string& name) {
@@ -255,6 +255,19 @@ std::string Hdf5Group::read_text(const std::string& name) const {
 
 namespace {
 
+/// Properties of a dataset whose chunks carry checksums; the default ones for one without.
+Hdf5Handle chunks_with_sums(Hdf5Sums sums, const Shape& shape, std::size_t element_bytes) {
+  constexpr std::uint64_t kBytes = std::uint64_t{1} << 20;  // of a chunk, at least a row: HDF5's cache holds as much
+  Hdf5Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+  if (sums == Hdf5Sums::no || shape.empty() || product(shape) == 0) return properties;
+  std::vector<hsize_t> chunk(shape.begin(), shape.end());
+  const std::uint64_t row_bytes = product(shape) / shape[0] * element_bytes;
+  chunk[0] = std::clamp<std::uint64_t>(kBytes / row_bytes, 1, shape[0]);
+  H5Pset_chunk(properties.id(), static_cast<int>(chunk.size()), chunk.data());
+  H5Pset_fletcher32(properties.id());
+  return properties;
+}
+
 /// Close what it gives, and look whether that succeeds: it may write the dataset's last bytes.
 Hdf5Handle create_dataset(hid_t group, const std::string& name, hid_t type, const Shape& shape, hid_t properties = H5P_DEFAULT) {
   const Hdf5Handle space = space_of(shape);
@@ -271,7 +284,7 @@ std::vector<double> flat(const std::vector<Vec3>& vectors) {
 
 template <class T>
 void Hdf5Group::create_rows(const std::string& name, const Shape& shape) {
-  Hdf5Handle dataset = create_dataset(handle_.id(), name, type_of<T>(), shape);
+  Hdf5Handle dataset = create_dataset(handle_.id(), name, type_of<T>(), shape, chunks_with_sums(sums_, shape, sizeof(T)).id());
   if (!dataset.is_valid() || !dataset.close()) fail(name, "cannot be created: " + reason());
 }
 
@@ -291,7 +304,7 @@ void Hdf5Group::write_rows(const std::string& name, std::uint64_t first, const s
 template <class T>
 void Hdf5Group::write(const std::string& name, const std::vector<T>& values, const Shape& shape) {
   if (product(shape) != values.size()) fail(name, fmt::format("{} values do not fill the shape", values.size()));
-  Hdf5Handle dataset = create_dataset(handle_.id(), name, type_of<T>(), shape);
+  Hdf5Handle dataset = create_dataset(handle_.id(), name, type_of<T>(), shape, chunks_with_sums(sums_, shape, sizeof(T)).id());
   if (!dataset.is_valid() ||
       (!values.empty() && H5Dwrite(dataset.id(), type_of<T>(), H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0) || !dataset.close())
     fail(name, "cannot be written: " + reason());
@@ -422,14 +435,15 @@ void set_up_library() {
 
 }  // namespace
 
-Hdf5File Hdf5File::create(const std::filesystem::path& path) {
+Hdf5File Hdf5File::create(const std::filesystem::path& path, Hdf5Sums sums) {
   set_up_library();
   // Strong: close() writes everything out even while groups are open; else that would wait for the last of them.
   const Hdf5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
   H5Pset_fclose_degree(access.id(), H5F_CLOSE_STRONG);
+  if (sums == Hdf5Sums::yes) H5Pset_libver_bounds(access.id(), H5F_LIBVER_V110, H5F_LIBVER_V110);  // has sums over metadata
   Hdf5Handle handle(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.id()), H5Fclose);
   if (!handle.is_valid()) throw FileError(fmt::format("{}: cannot be created: {}", path.string(), reason()));
-  return {std::move(handle), path.string(), "/"};
+  return {std::move(handle), path.string(), "/", sums};
 }
 
 Hdf5File Hdf5File::open(const std::filesystem::path& path) {
@@ -438,7 +452,7 @@ Hdf5File Hdf5File::open(const std::filesystem::path& path) {
     throw FileError(fmt::format("{}: cannot be read: {}", path.string(), std::strerror(errno)));
   Hdf5Handle handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
   if (!handle.is_valid()) throw FileError(fmt::format("{}: is not an HDF5 file, or is damaged: {}", path.string(), reason()));
-  return {std::move(handle), path.string(), "/"};
+  return {std::move(handle), path.string(), "/", Hdf5Sums::no};
 }
 
 void Hdf5File::close() {

@@ -432,7 +432,7 @@ void resume_run(const std::string& directory, const RunOptions& options) {
   if (!fs::exists(path / kSceneFile)) throw core::FileError(fmt::format("{}: holds no run (there is no {} in it)", directory, kSceneFile));
   const SignalGuard signals;
   const core::DirectoryLock lock = lock_of(path);
-  const Scene scene = core::read_scene((path / kSceneFile).string());
+  const Scene scene = core::read_scene((path / kSceneFile).string(), {}, core::StateFile::may_be_gone);
   const std::uint64_t scene_sum = core::checksum(core::read_text(path / kSceneFile));
   core::remove_parts(path / kCheckpoints);
 

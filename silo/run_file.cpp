@@ -131,7 +131,7 @@ void join(const std::vector<Rows>& sources, const fs::path& target) {
   std::vector<Hdf5File> files;
   for (const Rows& source : sources) files.push_back(Hdf5File::open(source.file));
   core::AsideFile aside(target);
-  Hdf5File into = Hdf5File::create(aside.part());
+  Hdf5File into = Hdf5File::create(aside.part(), core::Hdf5Sums::yes);
   join_dataset<std::int64_t>(files, sources, into, "step");
   join_dataset<std::uint8_t>(files, sources, into, "level");
   for (const char* name : {"time", "position", "velocity"}) join_dataset<double>(files, sources, into, name);
@@ -243,7 +243,7 @@ void RunFile::flush() {
 void RunFile::write_segment() {
   const Segment segment{written(), frames()};
   core::AsideFile aside(path_of(segment));
-  Hdf5File file = Hdf5File::create(aside.part());
+  Hdf5File file = Hdf5File::create(aside.part(), core::Hdf5Sums::yes);
   const std::uint64_t n = times_.size(), balls = content_.size();
   file.write("step", steps_);
   file.write("time", times_);
