@@ -17,6 +17,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdio>
 #include <map>
 #include <system_error>
@@ -155,7 +156,8 @@ void add_commands(CLI::App& app, Options& o) {
 }
 
 int report(const std::string& text, ExitCode code) {
-  fmt::print(stderr, "grainclock: {}\n", text);
+  ::signal(SIGPIPE, SIG_IGN);  // the code says it even where nobody reads the text
+  std::fputs(fmt::format("grainclock: {}\n", text).c_str(), stderr);
   return code_of(code);
 }
 

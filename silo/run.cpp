@@ -253,7 +253,7 @@ class Run {
 
   void warn(const std::string& text) {
     progress_->end_line();
-    fmt::print("  warning, at {:.6g} s: {}\n", time_at(at_.steps), text);
+    say("  warning, at {:.6g} s: {}\n", time_at(at_.steps), text);
     std::fflush(stdout);
   }
 

@@ -3,7 +3,8 @@
 // Frames are collected and written as a segment of their own, aside and renamed; then run.h5 is written
 // anew, aside and renamed, with virtual datasets over all segments. So run.h5 can be opened at any
 // moment, even after a kill, and shows every frame that was flushed. Many small segments are merged
-// into larger ones, so that their number grows with the logarithm of the number of frames.
+// into larger ones, so that their number grows with the logarithm of the number of frames. Segments carry HDF5's checksums:
+// damaged frames are refused by every reader.
 // Reference: H5MD 1.1, https://www.nongnu.org/h5md/h5md.html
 #pragma once
 
