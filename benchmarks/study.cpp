@@ -10,12 +10,9 @@
 #include "core/files.hpp"
 #include "core/toml_keys.hpp"
 
-#include <fcntl.h>
-#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <filesystem>
 #include <map>
 
@@ -81,26 +78,6 @@ class StudyDirectory {
 
  private:
   fs::path path_;
-};
-
-/// Keeps a second study out of the directory while it lives; the kernel lets go of it whatever happens to us.
-class DirectoryLock {
- public:
-  explicit DirectoryLock(const fs::path& dir) : descriptor_(::open(dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
-    const bool is_taken = descriptor_ >= 0 && ::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
-    if (!is_taken) return;
-    ::close(descriptor_);
-    throw core::InputError(
-        fmt::format("--out {}: another study is at work there; wait for it, or give another directory", dir.string()));
-  }
-  ~DirectoryLock() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-  }
-  DirectoryLock(const DirectoryLock&) = delete;
-  DirectoryLock& operator=(const DirectoryLock&) = delete;
-
- private:
-  int descriptor_;
 };
 
 std::vector<std::string> job_call(const StudyCall& call, const std::string& id) {
@@ -191,7 +168,8 @@ void run_study(const StudyCall& call) {
   const auto study = make_study(call.study, call.threads);
   const StudyDirectory dir(call.out);
   fs::create_directories(dir.path());
-  const DirectoryLock lock(dir.path());
+  const core::DirectoryLock lock(
+      dir.path(), fmt::format("--out {}: another study is at work there; wait for it, or give another directory", call.out));
   dir.prepare(study->origin().study_text);
   const std::vector<Job> jobs = study->jobs(), missing = dir.missing(jobs);
   double work = 0.0;

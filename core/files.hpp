@@ -1,4 +1,4 @@
-// Files that never stand half-written under their final name.
+// Files that never stand half-written under their final name, and directories that one process works in.
 #pragma once
 
 #include <filesystem>
@@ -17,12 +17,29 @@ class AsideFile {
   AsideFile& operator=(const AsideFile&) = delete;
 
   const std::filesystem::path& part() const { return part_; }
-  /// Flushes the part to the disk and renames it. Throws FileError.
+  /// Flushes the part to the disk, renames it, and flushes the name too. Throws FileError.
   void commit();
 
  private:
   std::filesystem::path final_path_, part_;
   bool committed_ = false;
+};
+
+/// Removes the parts that killed processes left in a directory. Throws FileError.
+void remove_parts(const std::filesystem::path& directory);
+
+/// Keeps other holders of such a lock out of a directory while it lives. It leaves no file, and the kernel lets go of it
+/// whatever happens to us. Without effect where the directory cannot be opened or the file system knows no locks.
+class DirectoryLock {
+ public:
+  /// Throws InputError with this text where the directory is taken.
+  DirectoryLock(const std::filesystem::path& directory, const std::string& if_taken);
+  ~DirectoryLock();
+  DirectoryLock(const DirectoryLock&) = delete;
+  DirectoryLock& operator=(const DirectoryLock&) = delete;
+
+ private:
+  int descriptor_;
 };
 
 /// Writes a whole text file aside and renames it. Throws FileError.

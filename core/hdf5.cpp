@@ -9,6 +9,7 @@
 #include <cstring>
 #include <fstream>
 #include <limits>
+#include <string_view>
 #include <utility>
 
 namespace grainclock::core {
@@ -37,7 +38,7 @@ namespace {
 
 using Shape = Hdf5Group::Shape;
 
-/// The innermost reason that HDF5 noted.
+/// The innermost reason that HDF5 noted; of a failed system call only what the system says.
 std::string reason() {
   std::string text = "HDF5 gives no reason";
   const auto note = [](unsigned, const H5E_error2_t* error, void* out) -> herr_t {
@@ -45,7 +46,11 @@ std::string reason() {
     return 0;
   };
   H5Ewalk2(H5E_DEFAULT, H5E_WALK_DOWNWARD, note, &text);
-  return text;
+  constexpr std::string_view kSystem = "error message = '";
+  const std::size_t at = text.find(kSystem);
+  if (at == std::string::npos) return text;
+  text.erase(0, at + kSystem.size());
+  return text.substr(0, text.find('\''));
 }
 
 template <class T> hid_t type_of();
@@ -152,13 +157,13 @@ std::vector<std::string> Hdf5Group::names() const {
 Hdf5Group Hdf5Group::group(const std::string& name) const {
   Hdf5Handle handle(H5Gopen2(handle_.id(), name.c_str(), H5P_DEFAULT), H5Gclose);
   if (!handle.is_valid()) fail(name, has(name) ? "this group cannot be opened: " + reason() : "this group is missing");
-  return {std::move(handle), file_, path_ + name + "/"};
+  return {std::move(handle), file_, path_ + name + "/", sums_};
 }
 
 Hdf5Group Hdf5Group::create_group(const std::string& name) {
   Hdf5Handle handle(H5Gcreate2(handle_.id(), name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose);
   if (!handle.is_valid()) fail(name, "this group cannot be created: " + reason());
-  return {std::move(handle), file_, path_ + name + "/"};
+  return {std::move(handle), file_, path_ + name + "/", sums_};
 }
 
 void Hdf5Group::link(const std::string& target, const std::string& name) {
@@ -250,6 +255,20 @@ std::string Hdf5Group::read_text(const std::string& name) const {
 
 namespace {
 
+/// Properties of a dataset whose chunks carry checksums; the default ones for one without.
+Hdf5Handle chunks_with_sums(Hdf5Sums sums, const Shape& shape, std::size_t element_bytes) {
+  constexpr std::uint64_t kBytes = std::uint64_t{1} << 20;  // of a chunk, at least a row: HDF5's cache holds as much
+  Hdf5Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+  if (sums == Hdf5Sums::no || shape.empty() || product(shape) == 0) return properties;
+  std::vector<hsize_t> chunk(shape.begin(), shape.end());
+  const std::uint64_t row_bytes = product(shape) / shape[0] * element_bytes;
+  chunk[0] = std::clamp<std::uint64_t>(kBytes / row_bytes, 1, shape[0]);
+  H5Pset_chunk(properties.id(), static_cast<int>(chunk.size()), chunk.data());
+  H5Pset_fletcher32(properties.id());
+  return properties;
+}
+
+/// Close what it gives, and look whether that succeeds: it may write the dataset's last bytes.
 Hdf5Handle create_dataset(hid_t group, const std::string& name, hid_t type, const Shape& shape, hid_t properties = H5P_DEFAULT) {
   const Hdf5Handle space = space_of(shape);
   return {H5Dcreate2(group, name.c_str(), type, space.id(), H5P_DEFAULT, properties, H5P_DEFAULT), H5Dclose};
@@ -265,7 +284,8 @@ std::vector<double> flat(const std::vector<Vec3>& vectors) {
 
 template <class T>
 void Hdf5Group::create_rows(const std::string& name, const Shape& shape) {
-  if (!create_dataset(handle_.id(), name, type_of<T>(), shape).is_valid()) fail(name, "cannot be created: " + reason());
+  Hdf5Handle dataset = create_dataset(handle_.id(), name, type_of<T>(), shape, chunks_with_sums(sums_, shape, sizeof(T)).id());
+  if (!dataset.is_valid() || !dataset.close()) fail(name, "cannot be created: " + reason());
 }
 
 template <class T>
@@ -275,17 +295,18 @@ void Hdf5Group::write_rows(const std::string& name, std::uint64_t first, const s
   written[0] = 1;
   written[0] = values.size() / std::max<std::uint64_t>(1, product(written));
   if (product(written) != values.size()) fail(name, fmt::format("{} values are not whole rows", values.size()));
-  const Hdf5Handle dataset = open_dataset(handle_.id(), name), from = space_of(written), to = rows_of(extents, first, written[0]);
-  if (!to.is_valid() || H5Dwrite(dataset.id(), type_of<T>(), from.id(), to.id(), H5P_DEFAULT, values.data()) < 0)
+  const Hdf5Handle from = space_of(written), to = rows_of(extents, first, written[0]);
+  Hdf5Handle dataset = open_dataset(handle_.id(), name);
+  if (!to.is_valid() || H5Dwrite(dataset.id(), type_of<T>(), from.id(), to.id(), H5P_DEFAULT, values.data()) < 0 || !dataset.close())
     fail(name, "cannot be written: " + reason());
 }
 
 template <class T>
 void Hdf5Group::write(const std::string& name, const std::vector<T>& values, const Shape& shape) {
   if (product(shape) != values.size()) fail(name, fmt::format("{} values do not fill the shape", values.size()));
-  const Hdf5Handle dataset = create_dataset(handle_.id(), name, type_of<T>(), shape);
+  Hdf5Handle dataset = create_dataset(handle_.id(), name, type_of<T>(), shape, chunks_with_sums(sums_, shape, sizeof(T)).id());
   if (!dataset.is_valid() ||
-      (!values.empty() && H5Dwrite(dataset.id(), type_of<T>(), H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0))
+      (!values.empty() && H5Dwrite(dataset.id(), type_of<T>(), H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0) || !dataset.close())
     fail(name, "cannot be written: " + reason());
 }
 
@@ -300,19 +321,19 @@ void Hdf5Group::write_vectors(const std::string& name, const std::vector<Vec3>& 
 
 void Hdf5Group::write_text(const std::string& name, const std::string& text) {
   const Hdf5Handle type = text_type();
-  const Hdf5Handle dataset = create_dataset(handle_.id(), name, type.id(), {});
+  Hdf5Handle dataset = create_dataset(handle_.id(), name, type.id(), {});
   const char* raw = text.c_str();
-  if (!dataset.is_valid() || H5Dwrite(dataset.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, &raw) < 0)
+  if (!dataset.is_valid() || H5Dwrite(dataset.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, &raw) < 0 || !dataset.close())
     fail(name, "cannot be written: " + reason());
 }
 
 void Hdf5Group::write_texts(const std::string& name, const std::vector<std::string>& texts) {
   const Hdf5Handle type = text_type();
-  const Hdf5Handle dataset = create_dataset(handle_.id(), name, type.id(), {texts.size()});
+  Hdf5Handle dataset = create_dataset(handle_.id(), name, type.id(), {texts.size()});
   std::vector<const char*> raw;
   for (const std::string& text : texts) raw.push_back(text.c_str());
   const bool is_written =
-      dataset.is_valid() && (raw.empty() || H5Dwrite(dataset.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, raw.data()) >= 0);
+      dataset.is_valid() && (raw.empty() || H5Dwrite(dataset.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, raw.data()) >= 0) && dataset.close();
   if (!is_written) fail(name, "cannot be written: " + reason());
 }
 
@@ -335,7 +356,8 @@ void Hdf5Group::write_virtual(const std::string& name, const Shape& row, const s
       fail(name, fmt::format("cannot take rows from {}: {}", part.file, reason()));
     first += part.rows;
   }
-  if (!create_dataset(handle_.id(), name, type_of<T>(), extents, properties.id()).is_valid())
+  Hdf5Handle dataset = create_dataset(handle_.id(), name, type_of<T>(), extents, properties.id());
+  if (!dataset.is_valid() || !dataset.close())
     fail(name, "cannot be created: " + reason());
 }
 
@@ -402,20 +424,35 @@ void Hdf5Group::write_attribute(const std::string& name, const std::string& attr
 
 // ---------------------------------------------------------------- files
 
-Hdf5File Hdf5File::create(const std::filesystem::path& path) {
+namespace {
+
+void set_up_library() {
+  // Every file is closed by its owner. One that a full disk kept from that must not be tried again at exit: HDF5 crashes.
+  static const bool once = H5dont_atexit() >= 0;
+  (void)once;
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);  // we report failures ourselves
-  Hdf5Handle handle(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose);
+}
+
+}  // namespace
+
+Hdf5File Hdf5File::create(const std::filesystem::path& path, Hdf5Sums sums) {
+  set_up_library();
+  // Strong: close() writes everything out even while groups are open; else that would wait for the last of them.
+  const Hdf5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  H5Pset_fclose_degree(access.id(), H5F_CLOSE_STRONG);
+  if (sums == Hdf5Sums::yes) H5Pset_libver_bounds(access.id(), H5F_LIBVER_V110, H5F_LIBVER_V110);  // has sums over metadata
+  Hdf5Handle handle(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.id()), H5Fclose);
   if (!handle.is_valid()) throw FileError(fmt::format("{}: cannot be created: {}", path.string(), reason()));
-  return {std::move(handle), path.string(), "/"};
+  return {std::move(handle), path.string(), "/", sums};
 }
 
 Hdf5File Hdf5File::open(const std::filesystem::path& path) {
-  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+  set_up_library();
   if (std::ifstream readable(path); !readable)
     throw FileError(fmt::format("{}: cannot be read: {}", path.string(), std::strerror(errno)));
   Hdf5Handle handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
   if (!handle.is_valid()) throw FileError(fmt::format("{}: is not an HDF5 file, or is damaged: {}", path.string(), reason()));
-  return {std::move(handle), path.string(), "/"};
+  return {std::move(handle), path.string(), "/", Hdf5Sums::no};
 }
 
 void Hdf5File::close() {

@@ -39,6 +39,9 @@ struct Hdf5Part {
   std::uint64_t rows = 0;   // taken from the dataset's first row on
 };
 
+/// Whether a file carries checksums over all its parts, which every reader's HDF5 (1.10 or later) checks.
+enum class Hdf5Sums { no, yes };
+
 class Hdf5Group {
  public:
   using Shape = std::vector<std::uint64_t>;
@@ -85,18 +88,19 @@ class Hdf5Group {
   [[noreturn]] void fail(const std::string& name, const std::string& what) const;
 
  protected:
-  Hdf5Group(Hdf5Handle handle, std::string file, std::string path)
-      : handle_(std::move(handle)), file_(std::move(file)), path_(std::move(path)) {}
+  Hdf5Group(Hdf5Handle handle, std::string file, std::string path, Hdf5Sums sums)
+      : handle_(std::move(handle)), file_(std::move(file)), path_(std::move(path)), sums_(sums) {}
   Hdf5Handle handle_;
   std::string file_;  // for messages
   std::string path_;  // of this group, ends with '/'
+  Hdf5Sums sums_;     // of new datasets
 };
 
 /// A file is its root group.
 class Hdf5File : public Hdf5Group {
  public:
   /// Creates or empties the file.
-  static Hdf5File create(const std::filesystem::path& path);
+  static Hdf5File create(const std::filesystem::path& path, Hdf5Sums sums = Hdf5Sums::no);
   /// Opens for reading only.
   static Hdf5File open(const std::filesystem::path& path);
   /// Writes everything out. Throws FileError; the destructor would be silent.

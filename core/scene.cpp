@@ -304,13 +304,14 @@ Domain read_domain(TomlKeys keys) {
 }
 
 /// The state's path as seen from anywhere: relative ones start at the scene file, else at the working directory.
-std::string state_path(TomlKeys& keys, const std::string& scene_path) {
+std::string state_path(TomlKeys& keys, const std::string& scene_path, StateFile file) {
   namespace fs = std::filesystem;
   const auto given = keys.string("state");
   keys.require(given.has_value(), "state", "give the path of a state file (.csv or .h5)");
   const fs::path beside = fs::path(scene_path).parent_path() / *given;
   for (const fs::path& candidate : {beside, fs::path(*given)})
     if (fs::exists(candidate)) return fs::absolute(candidate).lexically_normal().string();
+  if (file == StateFile::may_be_gone) return *given;
   throw FileError(fmt::format("{}: there is no state file \"{}\", neither beside the scene nor in the working directory",
                               keys.where("state"), *given));
 }
@@ -425,7 +426,7 @@ toml::table parse(const std::string& path) {
 
 }  // namespace
 
-Scene read_scene(const std::string& path, const std::vector<std::string>& overrides) {
+Scene read_scene(const std::string& path, const std::vector<std::string>& overrides, StateFile file) {
   toml::table table = parse(path);
   for (const std::string& assignment : overrides) apply_override(table, assignment);
   TomlKeys keys(table, "", path);
@@ -444,7 +445,7 @@ Scene read_scene(const std::string& path, const std::vector<std::string>& overri
   } else {
     auto initial = keys.table("initial");
     keys.require(initial.has_value(), "initial", "give [initial] state = \"state.csv\" (or .h5), or a [silo] table that builds one");
-    scene.initial_state = state_path(*initial, path);
+    scene.initial_state = state_path(*initial, path, file);
     initial->finish();
   }
   if (auto material = keys.table("material")) {

@@ -72,10 +72,14 @@ struct Scene {
   std::vector<Phase> phases;
 };
 
+/// What a reader wants of the file that [initial] names: a run that goes on from a checkpoint needs it no more.
+enum class StateFile { must_exist, may_be_gone };
+
 /// Reads and checks a scene. `overrides` are "key=value" of --set, keys dotted, values TOML.
 /// Unknown keys, wrong types and impossible values throw InputError with file, line, value and remedy;
 /// an unreadable file throws FileError. [silo] is left to silo/ but must be a table.
-Scene read_scene(const std::string& path, const std::vector<std::string>& overrides = {});
+Scene read_scene(const std::string& path, const std::vector<std::string>& overrides = {},
+                 StateFile file = StateFile::must_exist);
 
 /// Reads the stepping keys of a table (of a scene or a study) over what `stepping` says already.
 /// Throws InputError with file, line, value and remedy; leaves finish() to the caller.

@@ -170,6 +170,8 @@ std::uint64_t checksum(const State& state) {
   return sum;
 }
 
+std::uint64_t checksum(std::string_view text) { return add_bytes(kFnvStart, text.data(), text.size()); }
+
 bool has_state(const Hdf5Group& group) { return group.is_group(kGroup); }
 
 void write_state(Hdf5Group& parent, const State& state) {

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 
 namespace grainclock::core {
 
@@ -25,5 +26,7 @@ bool has_state(const Hdf5Group& group);
 
 /// 64-bit FNV-1a sum over every field, in the order of the file: equal states have equal sums, bit for bit.
 std::uint64_t checksum(const State& state);
+/// The same of a text.
+std::uint64_t checksum(std::string_view text);
 
 }  // namespace grainclock::core

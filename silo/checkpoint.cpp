@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <charconv>
 
 namespace grainclock::silo {
 namespace {
@@ -27,6 +28,7 @@ void each_field(P& p, Visit visit) {
   visit("total_steps", p.total_steps);
   visit("frames", p.frames);
   visit("records", p.records);
+  visit("scene", p.scene);
   visit("phase_start", p.phase_start);
   visit("step", p.step);
   visit("fell_back", p.fell_back);
@@ -74,11 +76,19 @@ std::uint64_t checksum(const Position& position) {
   return sum;
 }
 
+/// The number of a checkpoint, by its name; -1 if that is of another kind.
+std::int64_t number_of(const fs::path& path) {
+  const std::string stem = path.stem().string();
+  std::int64_t number = -1;
+  const auto [end, trouble] = std::from_chars(stem.data(), stem.data() + stem.size(), number);
+  return path.extension() == ".h5" && trouble == std::errc() && end == stem.data() + stem.size() ? number : -1;
+}
+
 }  // namespace
 
 std::string write_checkpoint(const fs::path& directory, const Checkpoint& checkpoint) {
   const auto older = checkpoints_in(directory);
-  const int number = older.empty() ? 0 : std::stoi(older.front().stem().string()) + 1;
+  const std::int64_t number = older.empty() ? 0 : number_of(older.front()) + 1;
   const fs::path path = directory / fmt::format("{:06}.h5", number);
   core::AsideFile aside(path);
   Hdf5File file = Hdf5File::create(aside.part());
@@ -122,12 +132,9 @@ Checkpoint read_checkpoint(const fs::path& path) {
 std::vector<fs::path> checkpoints_in(const fs::path& directory) {
   std::vector<fs::path> found;
   std::error_code ignored;
-  for (const auto& entry : fs::directory_iterator(directory, ignored)) {
-    const std::string stem = entry.path().stem().string();
-    const bool is_number = !stem.empty() && stem.find_first_not_of("0123456789") == std::string::npos;
-    if (entry.path().extension() == ".h5" && is_number) found.push_back(entry.path());
-  }
-  std::sort(found.rbegin(), found.rend());
+  for (const auto& entry : fs::directory_iterator(directory, ignored))
+    if (number_of(entry.path()) >= 0) found.push_back(entry.path());
+  std::sort(found.begin(), found.end(), [](const fs::path& a, const fs::path& b) { return number_of(a) > number_of(b); });
   return found;
 }
 

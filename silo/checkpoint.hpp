@@ -20,6 +20,7 @@ struct Position {
   std::int64_t total_steps = 0;    // the same since the run's start
   std::int64_t frames = 0;         // recorded until now
   std::int64_t records = 0;        // of observables, likewise
+  std::uint64_t scene = 0;         // checksum of scene.toml
   double phase_start = 0.0;        // s
   double step = 0.0;               // s, the phase's coarsest step
   std::int64_t fell_back = 0;      // 1: this phase steps uniformly though its scene says multirate
@@ -40,7 +41,7 @@ struct Checkpoint {
 std::string write_checkpoint(const std::filesystem::path& directory, const Checkpoint& checkpoint);
 /// Throws FileError where the file is missing, damaged or no checkpoint.
 Checkpoint read_checkpoint(const std::filesystem::path& path);
-/// The checkpoints of a directory, newest first.
+/// The checkpoints of a directory, newest first; other files there are passed over.
 std::vector<std::filesystem::path> checkpoints_in(const std::filesystem::path& directory);
 
 }  // namespace grainclock::silo

@@ -13,11 +13,14 @@
 #include "silo/run.hpp"
 
 #include <CLI/CLI.hpp>
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include <csignal>
 #include <cstdio>
-#include <filesystem>
 #include <map>
+#include <system_error>
 
 namespace {
 
@@ -153,13 +156,23 @@ void add_commands(CLI::App& app, Options& o) {
 }
 
 int report(const std::string& text, ExitCode code) {
-  fmt::print(stderr, "grainclock: {}\n", text);
+  ::signal(SIGPIPE, SIG_IGN);  // the code says it even where nobody reads the text
+  std::fputs(fmt::format("grainclock: {}\n", text).c_str(), stderr);
   return code_of(code);
+}
+
+/// A standard stream that the caller has closed becomes /dev/null: the next file to be opened would take its place, and
+/// what we print would go into it.
+void open_standard_streams() {
+  int descriptor = 0;
+  while (descriptor >= 0 && descriptor <= STDERR_FILENO) descriptor = ::open("/dev/null", O_RDWR);
+  if (descriptor >= 0) ::close(descriptor);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
+  open_standard_streams();
   CLI::App app("grainclock: multi-rate discrete elements for granular material in silos. SI units everywhere.", "grainclock");
   app.set_version_flag("--version", "grainclock " + silo::version());
   app.require_subcommand(1);
@@ -171,10 +184,12 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? code_of(ExitCode::done) : code_of(ExitCode::bad_input);
   } catch (const core::Error& error) {
     return report(error.what(), error.code());
-  } catch (const std::filesystem::filesystem_error& error) {
+  } catch (const std::system_error& error) {
     return report(error.what(), ExitCode::file_trouble);
   } catch (const std::bad_alloc&) {
     return report("there is not enough memory; take fewer balls", ExitCode::numerics_failed);
   }
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0)
+    return report("standard output could not be written in full; the files are complete", ExitCode::file_trouble);
   return code_of(ExitCode::done);
 }

@@ -1,9 +1,6 @@
 #include "silo/progress.hpp"
 
-#include <fmt/format.h>
 #include <unistd.h>
-
-#include <cstdio>
 
 namespace grainclock::silo {
 namespace {
@@ -22,7 +19,7 @@ Progress::Progress(std::string phase, double duration, double done)
 Progress::~Progress() { end_line(); }
 
 void Progress::end_line() {
-  if (line_open_) fmt::print("\n");
+  if (line_open_) say("\n");
   line_open_ = false;
   std::fflush(stdout);
 }
@@ -34,8 +31,8 @@ void Progress::note(double done, std::int64_t discharged) {
   last_ = now;
   const double rate = (done - first_) / std::chrono::duration<double>(now - begin_).count();  // simulated s per s
   const std::string left = rate > 0.0 ? clock_text((duration_ - done) / rate) : "?";
-  fmt::print("{}{}: {:.4f} of {:g} s, {:.3g} s/s, {} left{}{}", is_terminal_ ? "\r" : "", phase_, done, duration_, rate, left,
-             discharged > 0 ? fmt::format(", {} balls out", discharged) : "", is_terminal_ ? "\033[K" : "\n");
+  say("{}{}: {:.4f} of {:g} s, {:.3g} s/s, {} left{}{}", is_terminal_ ? "\r" : "", phase_, done, duration_, rate, left,
+      discharged > 0 ? fmt::format(", {} balls out", discharged) : "", is_terminal_ ? "\033[K" : "\n");
   line_open_ = is_terminal_;
   std::fflush(stdout);
 }

@@ -1,11 +1,22 @@
 // How far a phase has come: one line rewritten on a terminal, plain lines now and then in a pipe.
 #pragma once
 
+#include <fmt/format.h>
+
 #include <chrono>
 #include <cstdint>
+#include <cstdio>
 #include <string>
+#include <utility>
 
 namespace grainclock::silo {
+
+/// Prints to standard output. A run is worth more than its log: main() tells at the end if that could not be written.
+template <class... T>
+void say(fmt::format_string<T...> text, T&&... values) {
+  const std::string line = fmt::format(text, std::forward<T>(values)...);
+  std::fwrite(line.data(), 1, line.size(), stdout);
+}
 
 class Progress {
  public:

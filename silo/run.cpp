@@ -18,9 +18,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <csignal>
+#include <cstring>
 #include <filesystem>
 
 namespace grainclock::silo {
@@ -47,25 +49,30 @@ constexpr std::int64_t kLookEvery = 2000;
 volatile std::sig_atomic_t stop_signal = 0;
 extern "C" void note_signal(int signal) { stop_signal = signal; }
 
-/// Takes SIGINT and SIGTERM while it lives.
+/// Takes the signals that ask for an end while it lives: also that of a terminal that is closed, unless the caller had
+/// it ignored (nohup), and that of a pipe for the log that nobody reads any more.
 class SignalGuard {
  public:
   SignalGuard() {
     stop_signal = 0;
     struct sigaction action {};
     action.sa_handler = note_signal;
-    ::sigaction(SIGINT, &action, &old_interrupt_);
-    ::sigaction(SIGTERM, &action, &old_terminate_);
+    action.sa_flags = SA_RESTART;
+    for (std::size_t k = 0; k < kTaken.size(); ++k) {
+      ::sigaction(kTaken[k], nullptr, &old_[k]);
+      const bool stays_ignored = old_[k].sa_handler == SIG_IGN && (kTaken[k] == SIGHUP || kTaken[k] == SIGPIPE);
+      if (!stays_ignored) ::sigaction(kTaken[k], &action, nullptr);
+    }
   }
   ~SignalGuard() {
-    ::sigaction(SIGINT, &old_interrupt_, nullptr);
-    ::sigaction(SIGTERM, &old_terminate_, nullptr);
+    for (std::size_t k = 0; k < kTaken.size(); ++k) ::sigaction(kTaken[k], &old_[k], nullptr);
   }
   SignalGuard(const SignalGuard&) = delete;
   SignalGuard& operator=(const SignalGuard&) = delete;
 
  private:
-  struct sigaction old_interrupt_ {}, old_terminate_ {};
+  static constexpr std::array kTaken{SIGINT, SIGTERM, SIGHUP, SIGPIPE};
+  std::array<struct sigaction, kTaken.size()> old_{};
 };
 
 double seconds_since(Clock::time_point then) { return std::chrono::duration<double>(Clock::now() - then).count(); }
@@ -77,6 +84,7 @@ class Run {
 
   /// From the very beginning.
   void begin(const Start& start) {
+    at_.scene = core::checksum(scene_.text);
     at_.first_collar = start.first_collar;
     at_.phase_start = start.state.time;
     start_phase(fresh(start.state), nullptr);
@@ -124,7 +132,6 @@ class Run {
   }
 
   void go() {
-    const SignalGuard signals;
     try {
       while (true) {
         run_phase();
@@ -166,10 +173,9 @@ class Run {
 
     const Report report = phase_report(phase(), state, setup);
     critical_step_ = critical_steps(state, setup.materials, setup.outlet_open, setup.stepping).smallest;
-    fmt::print("\nphase {} of {}, from {:.6g} s\n{}", at_.phase + 1, scene_.phases.size(), at_.phase_start,
-               report.text(2));
+    say("\nphase {} of {}, from {:.6g} s\n{}", at_.phase + 1, scene_.phases.size(), at_.phase_start, report.text(2));
     if (at_.fell_back != 0) {
-      fmt::print("  multi-rate will not pay here: uniform steps of {:.4g} s instead (stepping.fallback)\n", at_.step);
+      say("  multi-rate will not pay here: uniform steps of {:.4g} s instead (stepping.fallback)\n", at_.step);
     }
     std::fflush(stdout);
   }
@@ -177,7 +183,7 @@ class Run {
   /// Whether no ball is left for another phase; says so.
   bool is_empty() const {
     if (stepper_->state().count(core::Kind::content) > 0) return false;
-    fmt::print("no ball is left: the phases after \"{}\" have nothing to move\n", phase().name);
+    say("no ball is left: the phases after \"{}\" have nothing to move\n", phase().name);
     return true;
   }
 
@@ -213,7 +219,7 @@ class Run {
     }
     at_.ledger.discharged += static_cast<std::int64_t>(cut.size());
     if (!cut.empty())
-      fmt::print("closing the outlet: {} balls stand in the gate's way; it cuts them off, and they count as discharged\n", cut.size());
+      say("closing the outlet: {} balls stand in the gate's way; it cuts them off, and they count as discharged\n", cut.size());
   }
 
   void run_phase() {
@@ -239,8 +245,8 @@ class Run {
       if (at_.steps % kLookEvery == 0 || at_.steps == last || reason) look_at(energy);
     }
     progress_.reset();
-    fmt::print("phase \"{}\" ends at {:.6g} s: {}\n", phase().name, time_at(at_.steps),
-               reason ? *reason : is_watched ? "the longest time it may take is over" : "its duration is over");
+    say("phase \"{}\" ends at {:.6g} s: {}\n", phase().name, time_at(at_.steps),
+        reason ? *reason : is_watched ? "the longest time it may take is over" : "its duration is over");
     std::fflush(stdout);
   }
 
@@ -260,7 +266,7 @@ class Run {
 
   void warn(const std::string& text) {
     progress_->end_line();
-    fmt::print("  warning, at {:.6g} s: {}\n", time_at(at_.steps), text);
+    say("  warning, at {:.6g} s: {}\n", time_at(at_.steps), text);
     std::fflush(stdout);
   }
 
@@ -313,7 +319,7 @@ class Run {
 
   [[noreturn]] void stop() {
     progress_->end_line();
-    throw core::Stopped(fmt::format("stopped by {} at {:.6g} s; `grainclock resume {}` goes on", stop_signal == SIGINT ? "SIGINT" : "SIGTERM",
+    throw core::Stopped(fmt::format("stopped by SIG{} at {:.6g} s; `grainclock resume {}` goes on", ::sigabbrev_np(stop_signal),
                                     time_at(at_.steps), directory_.string()));
   }
 
@@ -358,7 +364,7 @@ class Run {
       report.warn(fmt::format(
           "at times even the finest level's step of {:.3g} s was too long for the tolerance; raise stepping.levels",
           levels.step.front()));
-    fmt::print("\nledger\n{}done: {}\n", report.text(2), directory_.string());
+    say("\nledger\n{}done: {}\n", report.text(2), directory_.string());
     std::fflush(stdout);
   }
 
@@ -405,12 +411,16 @@ void require_free(const fs::path& directory) {
 
 void make_directories(const fs::path& directory) {
   std::error_code trouble;
-  fs::create_directories(directory / kCheckpoints, trouble);
+  fs::create_directories(directory, trouble);
   if (trouble) throw core::FileError(fmt::format("{}: cannot be created: {}", directory.string(), trouble.message()));
 }
 
 WatchedWall wall_of(const Scene& scene, const State& recorded) {
   return watch_wall(recorded, scene.has_silo ? std::optional(patch_above_hopper(read_silo(scene))) : std::nullopt);
+}
+
+core::DirectoryLock lock_of(const fs::path& directory) {
+  return {directory, fmt::format("{}: another run is at work there; wait for its end, or give another directory", directory.string())};
 }
 
 RunFile::Header header_of(const Scene& scene, const RunOptions& options, const WatchedWall& wall) {
@@ -427,7 +437,11 @@ void run_scene(const Scene& scene, const std::string& directory, const RunOption
 
   State recorded = start.state;  // the collar is a tool of the filling, not part of the silo
   if (start.first_collar >= 0) remove_collar(recorded, start.first_collar);
+  const SignalGuard signals;
   make_directories(directory);
+  const core::DirectoryLock lock = lock_of(directory);
+  require_free(directory);  // another run may have been quicker
+  make_directories(fs::path(directory) / kCheckpoints);
   core::write_text(fs::path(directory) / kSceneFile, scene.text);
   const WatchedWall wall = wall_of(scene, recorded);
   Run run(scene, directory, options, RunFile(directory, recorded, header_of(scene, options, wall)), wall);
@@ -437,29 +451,46 @@ void run_scene(const Scene& scene, const std::string& directory, const RunOption
 void resume_run(const std::string& directory, const RunOptions& options) {
   const fs::path path(directory);
   if (!fs::exists(path / kSceneFile)) throw core::FileError(fmt::format("{}: holds no run (there is no {} in it)", directory, kSceneFile));
-  const Scene scene = core::read_scene((path / kSceneFile).string());
+  const SignalGuard signals;
+  const core::DirectoryLock lock = lock_of(path);
+  const Scene scene = core::read_scene((path / kSceneFile).string(), {}, core::StateFile::may_be_gone);
+  const std::uint64_t scene_sum = core::checksum(core::read_text(path / kSceneFile));
+  core::remove_parts(path / kCheckpoints);
+
+  const std::vector<fs::path> candidates = checkpoints_in(path / kCheckpoints);
+  if (candidates.empty())
+    throw core::FileError(fmt::format("{}: holds no checkpoint yet: the run ended before its first one, so nothing is lost; run the scene into another directory",
+                                      (path / kCheckpoints).string()));
+  const WatchedWall wall = wall_of(scene, RunFile::start_in(path));
   std::optional<Checkpoint> checkpoint;
-  for (const fs::path& candidate : checkpoints_in(path / kCheckpoints)) {
+  std::optional<RunFile> file;
+  std::string troubles;
+  const auto succeeds = [&troubles](const auto& call) {
     try {
-      checkpoint = read_checkpoint(candidate);
-      fmt::print("resuming from {} at {:.6g} s\n", candidate.string(), checkpoint->state.time);
-      break;
-    } catch (const core::Error& error) {
-      fmt::print("passing over a damaged checkpoint: {}\n", error.what());
+      call();
+      return true;
+    } catch (const std::exception& error) {
+      say("passing over a checkpoint: {}\n", error.what());
+      troubles += fmt::format("\n  {}", error.what());
+      return false;
     }
+  };
+  for (auto candidate = candidates.begin(); candidate != candidates.end() && !file; ++candidate) {
+    if (!succeeds([&] { checkpoint = read_checkpoint(*candidate); })) continue;
+    GC_REQUIRE(checkpoint->position.scene == scene_sum,
+               "{}: is not the scene that this run began with; put that back (run.h5 holds it, /provenance/scene), or run the new one into another directory",
+               (path / kSceneFile).string());
+    const Position& at = checkpoint->position;
+    succeeds([&] { file = RunFile::resumed(path, header_of(scene, options, wall), at.frames, at.records); });
   }
-  if (!checkpoint) throw core::FileError(fmt::format("{}: holds no intact checkpoint; run the scene anew", (path / kCheckpoints).string()));
-  const std::int64_t phases = static_cast<std::int64_t>(scene.phases.size());
-  if (checkpoint->position.phase == phases) {
-    fmt::print("{}: this run is over; there is nothing to resume\n", directory);
+  if (!file) throw core::FileError(fmt::format("{}: cannot be resumed from any of its checkpoints:{}", directory, troubles));
+  if (checkpoint->position.phase == static_cast<std::int64_t>(scene.phases.size())) {
+    if (!fs::exists(path / kFinalState)) core::write_state((path / kFinalState).string(), checkpoint->state);
+    say("{}: this run is over; there is nothing to resume\n", directory);
     return;
   }
-  if (checkpoint->position.phase < 0 || checkpoint->position.phase > phases)
-    throw core::FileError(fmt::format("{}: the checkpoint belongs to another scene", directory));
-  const State recorded = RunFile::start_in(path);
-  const WatchedWall wall = wall_of(scene, recorded);
-  const Position& at = checkpoint->position;
-  Run run(scene, path, options, RunFile::resumed(path, header_of(scene, options, wall), at.frames, at.records), wall);
+  say("resuming at {:.6g} s\n", checkpoint->state.time);
+  Run run(scene, path, options, std::move(*file), wall);
   run.go_on(*checkpoint);
 }
 

@@ -109,6 +109,10 @@ RunFile RunFile::resumed(fs::path directory, Header header, std::int64_t frames,
   file.content_ = content_ids(file.start_);
   file.frames_.resume(frames);
   file.records_.resume(records);
+  file.frames_.cut(frames);
+  file.records_.cut(records);
+  core::remove_parts(file.directory_);
+  core::remove_parts(file.directory_ / kSegments);
   file.write_index();
   file.frames_.remove_obsolete();
   file.records_.remove_obsolete();
@@ -235,8 +239,8 @@ constexpr const char* kPosition = "particles/content/position";
 /// Observables of frames or of records; `shared`: the element whose times they have, the first of them if empty.
 void RunFile::write_observables(Hdf5File& file, const Segments& segments, const std::string& shared) const {
   if (segments.rows() == 0) return;
-  const Hdf5File first = Hdf5File::open(segments.first());
-  const Hdf5Group columns = first.group("observables");
+  const Hdf5File newest = Hdf5File::open(segments.newest());
+  const Hdf5Group columns = newest.group("observables");
   std::string its_times = shared;
   for (const std::string& name : columns.names()) {
     const std::string element = observable_path(name);

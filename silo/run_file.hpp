@@ -58,7 +58,8 @@ class RunFile {
   /// Starts the file in the directory, which must exist. `start` holds every ball that will ever be there.
   RunFile(std::filesystem::path directory, const core::State& start, Header header);
   /// Goes on with the file of a run that was stopped, after its first `frames` frames and `records` records: later ones are
-  /// dropped.
+  /// dropped, and the parts that a kill left too. Throws FileError, before anything is changed, if some of them are missing or
+  /// damaged.
   static RunFile resumed(std::filesystem::path directory, Header header, std::int64_t frames, std::int64_t records);
 
   /// The state that the run of this directory began with. Throws FileError.

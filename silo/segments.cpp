@@ -2,6 +2,7 @@
 
 #include "core/check.hpp"
 #include "core/files.hpp"
+#include "silo/progress.hpp"
 
 #include <fmt/format.h>
 
@@ -46,12 +47,26 @@ void join_dataset(const std::vector<Hdf5File>& files, const std::vector<Rows>& s
   }
 }
 
+/// Throws FileError unless the file opens and every dataset in it has so many rows.
+void require_whole(const fs::path& path, std::int64_t rows) {
+  const Hdf5File file = Hdf5File::open(path);
+  const auto require_rows = [rows](const Hdf5Group& group) {
+    for (const std::string& name : group.names()) {
+      if (group.is_group(name)) continue;
+      const auto shape = group.shape(name);
+      if (shape.empty() || shape[0] != static_cast<std::uint64_t>(rows)) group.fail(name, fmt::format("has not {} rows: it is damaged", rows));
+    }
+  };
+  require_rows(file);
+  require_rows(file.group("observables"));
+}
+
 /// Writes one segment from the rows of several, in order, aside and renamed.
 void join(const std::vector<Rows>& sources, const fs::path& target) {
   std::vector<Hdf5File> files;
   for (const Rows& source : sources) files.push_back(Hdf5File::open(source.file));
   core::AsideFile aside(target);
-  Hdf5File into = Hdf5File::create(aside.part());
+  Hdf5File into = Hdf5File::create(aside.part(), core::Hdf5Sums::yes);
   for (const std::string& name : files.front().names()) {
     if (files.front().is_group(name)) continue;
     if (name == "step") join_dataset<std::int64_t>(files, sources, into, name);
@@ -83,8 +98,8 @@ std::vector<Segments::Segment> Segments::found() const {
   for (const auto& entry : fs::directory_iterator(directory_ / folder_)) {
     const std::string file = entry.path().filename().string(), prefix = name_ + "-";
     Segment segment{};
-    if (file.starts_with(prefix) && std::sscanf(file.c_str() + prefix.size(), "%8ld-%8ld.h5", &segment.first, &segment.end) == 2)
-      found.push_back(segment);
+    if (!file.starts_with(prefix) || std::sscanf(file.c_str() + prefix.size(), "%ld-%ld.h5", &segment.first, &segment.end) != 2) continue;
+    if (entry.path() == path_of(segment)) found.push_back(segment);
   }
   std::sort(found.begin(), found.end(), [](const Segment& a, const Segment& b) {
     return a.first != b.first ? a.first < b.first : a.end > b.end;
@@ -94,25 +109,33 @@ std::vector<Segments::Segment> Segments::found() const {
 
 void Segments::resume(std::int64_t wanted) {
   obsolete_ = found();
-  for (Segment segment : obsolete_) {
-    // A kill may leave merged segments beside the ones that they were made from: the longest one counts.
+  std::string trouble;
+  for (const Segment& segment : obsolete_) {
+    // A kill may leave merged segments beside the ones that they were made from: the longest whole one counts.
     if (segment.first != rows() || rows() >= wanted) continue;
-    if (segment.end > wanted) {  // a merged one that goes beyond an older checkpoint: its beginning is kept
-      const Segment beginning{segment.first, wanted};
-      join({{path_of(segment), beginning.count()}}, path_of(beginning));
-      segment = beginning;
+    try {
+      require_whole(path_of(segment), segment.count());
+      segments_.push_back(segment);
+    } catch (const FileError& error) {
+      trouble += fmt::format("; {}", error.what());
     }
-    segments_.push_back(segment);
   }
   if (rows() < wanted)
-    throw FileError(fmt::format("{}: holds {} of the {} {} that the checkpoint needs: segments are missing",
-                                (directory_ / folder_).string(), rows(), wanted, name_));
+    throw FileError(fmt::format("{}: {} {} to {}, which a checkpoint needs, are missing or damaged{}", (directory_ / folder_).string(), name_,
+                                rows(), wanted - 1, trouble));
+}
+
+void Segments::cut(std::int64_t wanted) {
+  if (rows() <= wanted) return;
+  const Segment whole = segments_.back(), beginning{whole.first, wanted};
+  join({{path_of(whole), beginning.count()}}, path_of(beginning));
+  segments_.back() = beginning;
 }
 
 void Segments::add(std::int64_t count, const std::function<void(Hdf5File&)>& write) {
   const Segment segment{rows(), rows() + count};
   core::AsideFile aside(path_of(segment));
-  Hdf5File file = Hdf5File::create(aside.part());
+  Hdf5File file = Hdf5File::create(aside.part(), core::Hdf5Sums::yes);
   write(file);
   file.close();
   aside.commit();
@@ -129,18 +152,25 @@ void Segments::merge() {
     return r;
   };
   for (int r = 0;; ++r) {
+    const std::size_t mergeable = segments_.size() - mergeable_from_;
     std::size_t count = 0;
-    while (count < segments_.size() && rank(segments_[segments_.size() - 1 - count]) <= r) ++count;
+    while (count < mergeable && rank(segments_[segments_.size() - 1 - count]) <= r) ++count;
     if (count >= kFanIn) {
       const auto first = segments_.end() - static_cast<std::ptrdiff_t>(count);
       const Segment merged{first->first, segments_.back().end};
       std::vector<Rows> sources;
       for (auto segment = first; segment != segments_.end(); ++segment) sources.push_back({path_of(*segment), segment->count()});
-      join(sources, path_of(merged));
+      try {
+        join(sources, path_of(merged));
+      } catch (const FileError& error) {  // merging only saves files: the run is worth more
+        say("warning: the {} before it stay in small files: {}\n", name_, error.what());
+        mergeable_from_ = segments_.size();
+        break;
+      }
       obsolete_.insert(obsolete_.end(), first, segments_.end());
       segments_.erase(first, segments_.end());
       segments_.push_back(merged);
-    } else if (count == segments_.size()) {
+    } else if (count == mergeable) {
       break;
     }
   }

@@ -2,7 +2,8 @@
 //
 // Rows are written as a segment, aside and renamed. Whoever reads them does so through virtual datasets over all segments
 // (run_file.hpp), written anew after each change. Many small segments are merged into larger ones, so that
-// their number grows with the logarithm of the number of rows.
+// their number grows with the logarithm of the number of rows. Segments carry HDF5's checksums: damaged rows are refused
+// by every reader.
 #pragma once
 
 #include "core/hdf5.hpp"
@@ -20,9 +21,11 @@ class Segments {
   /// An empty table whose files are DIRECTORY/FOLDER/NAME-FIRST-END.h5, for rows [FIRST, END).
   Segments(std::filesystem::path directory, std::string folder, std::string name);
 
-  /// Takes up the files of a run that was stopped, after its first `rows` rows: later ones are dropped. Throws FileError
-  /// where rows are missing.
+  /// Takes up the files of a run that was stopped, as far as they hold its first `rows` rows. Changes none. Throws FileError
+  /// where rows are missing or damaged.
   void resume(std::int64_t rows);
+  /// Drops what goes beyond `rows` rows. Throws FileError.
+  void cut(std::int64_t rows);
 
   /// Writes `rows` more; `write` fills the file: datasets along whose first axis the rows go, at its root and in the group
   /// "observables".
@@ -33,8 +36,8 @@ class Segments {
   std::int64_t rows() const { return segments_.empty() ? 0 : segments_.back().end; }
   /// All segments as parts of a virtual dataset; their datasets are still to be named.
   std::vector<core::Hdf5Part> parts() const;
-  /// Path of the first segment; there must be one.
-  std::filesystem::path first() const { return path_of(segments_.front()); }
+  /// Path of the newest segment; there must be one.
+  std::filesystem::path newest() const { return path_of(segments_.back()); }
 
  private:
   struct Segment {
@@ -51,6 +54,7 @@ class Segments {
   std::string folder_, name_;
   std::vector<Segment> segments_;  // in order, without gaps
   std::vector<Segment> obsolete_;
+  std::size_t mergeable_from_ = 0;  // segments before it stay as they are: one of them cannot be read any more
 };
 
 }  // namespace grainclock::silo

@@ -39,6 +39,17 @@ TEST(Hdf5, WhatIsWrittenReadsBack) {
   EXPECT_EQ(file.names(), (std::vector<std::string>{"a", "none", "numbers", "text", "vectors"}));
 }
 
+TEST(Hdf5, ClosedFileIsWholeThoughGroupsAreOpen) {
+  const Scratch scratch;
+  Hdf5File file = Hdf5File::create(scratch / "a.h5");
+  Hdf5Group group = file.create_group("a");
+  group.write("b", std::vector<double>{1.0, 2.0});
+  file.close();
+  // As another process sees it: this one would be given what HDF5 still holds in memory.
+  std::filesystem::copy_file(scratch / "a.h5", scratch / "b.h5");
+  EXPECT_EQ(Hdf5File::open(scratch / "b.h5").read<double>("a/b"), (std::vector<double>{1.0, 2.0}));
+}
+
 TEST(Hdf5, MissingThingsAreNamed) {
   const Scratch scratch;
   const Hdf5File file = written(scratch / "a.h5");

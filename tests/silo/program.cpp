@@ -468,7 +468,7 @@ TEST_F(Program, DamagedCheckpointIsPassedOver) {
   fs::resize_file(checkpoints.front(), fs::file_size(checkpoints.front()) / 2);
   const Result result = call({"resume", out_});
   EXPECT_EQ(result.code, 0) << result.err;
-  EXPECT_NE(result.out.find("passing over a damaged checkpoint"), std::string::npos);
+  EXPECT_NE(result.out.find("passing over a checkpoint"), std::string::npos);
   ASSERT_EQ(call(Words{"run", scene_, "--out", scratch_ / "whole"} + many_steps("uniform")).code, 0);
   expect_same_runs(scratch_ / "whole", out_);
 }

@@ -151,7 +151,39 @@ TEST(RunFile, ResumingNeedsTheFramesOfTheCheckpoint) {
   const core::Scene its_scene = scene();
   RunFile(scratch.path(), start(), {its_scene, 1, {}}).add(frame(0));
   const auto text = message_of<core::FileError>([&] { RunFile::resumed(scratch.path(), {its_scene, 1, {}}, 5, 0); });
-  EXPECT_NE(text.find("0 of the 5 frames"), std::string::npos) << text;
+  EXPECT_NE(text.find("frames 0 to 4, which a checkpoint needs, are missing or damaged"), std::string::npos) << text;
+}
+
+TEST(RunFile, LostFramesAreNotMergedAndEndNoRun) {
+  const Scratch scratch;
+  const core::Scene its_scene = scene();
+  RunFile file(scratch.path(), start(), {its_scene, 1, {}});
+  for (std::int64_t k = 0; k < 20; ++k) {  // 0 to 7 would become one, and 8 to 15
+    if (k == 3) std::filesystem::remove(scratch / "segments/frames-00000001-00000002.h5");
+    file.add(frame(k));
+    file.flush();
+  }
+  EXPECT_EQ(files_in(scratch.path() / "segments"), 1u + 7u + 1u + 4u);  // the start, seven of eight, a merged one, the last
+  EXPECT_THROW(RunReader(scratch.path()), core::FileError);
+  const auto text = message_of<core::FileError>([&] { RunFile::resumed(scratch.path(), {its_scene, 1, {}}, 5, 0); });
+  EXPECT_NE(text.find("frames 1 to 4, which"), std::string::npos) << text;
+  RunFile::resumed(scratch.path(), {its_scene, 1, {}}, 1, 0);
+  expect_frames(scratch.path(), 1);
+}
+
+TEST(RunFile, DamagedMergedSegmentGivesWayToItsParts) {
+  const Scratch scratch;
+  const core::Scene its_scene = scene();
+  {
+    RunFile file(scratch.path(), start(), {its_scene, 1, {}});
+    for (std::int64_t k = 0; k < 3; ++k) {
+      file.add(frame(k));
+      file.flush();
+    }
+  }
+  scratch.file("segments/frames-00000000-00000003.h5", "cut off");
+  RunFile::resumed(scratch.path(), {its_scene, 1, {}}, 3, 0);
+  expect_frames(scratch.path(), 3);
 }
 
 TEST(RunFile, RecordsBetweenFramesReadBackAndFramesFindTheirs) {
