@@ -175,6 +175,8 @@ int main(int argc, char** argv) {
     return report(error.what(), ExitCode::file_trouble);
   } catch (const std::bad_alloc&) {
     return report("there is not enough memory; take fewer balls", ExitCode::numerics_failed);
+  } catch (const std::exception& error) {
+    return report(fmt::format("an error that should have been found earlier, please report it: {}", error.what()), ExitCode::numerics_failed);
   }
   return code_of(ExitCode::done);
 }

@@ -141,7 +141,7 @@ TEST(Snapshot, CsvErrorsNameLineColumnValueAndRemedy) {
       {"2,content,1,2,1e999,0,0,0,0.2", ":3:15: `1e999`: must be a finite number"},
       {"2,ball,1,2,3,0,0,0,0.2", ":3:3: `ball`: must be content, wall or plug"},
       {"2,content,1,2,3,0,0,0,0", ":3:23: `0`: must be above 0 m"},
-      {"2,content,1,2,3,0,0,0", ":3: 8 values; a line has 9"},
+      {"2,content,1,2,3,0,0,0", ":3: `2,content,1,2,3,0,0,0`: 8 values; a line has 9"},
       {"1,content,1,2,3,0,0,0,0.2", ":3:1: `1`: must be above the id before it, 1"},
       {"1.5,content,1,2,3,0,0,0,0.2", ":3:1: `1.5`: must be a whole number"},
       {"2,wall,1,2,3,0,-1,0,0.2", ":3:16: `-1`: must be 0"},
