@@ -461,7 +461,7 @@ std::vector<T> Hdf5Group::attribute(const std::string& name, const std::string& 
   const std::uint64_t n = product(shape_of_space(space.id()));
   if (!converts(type.id(), type_of<T>()) || n > kMost) fail(name, fmt::format("attribute {} has another type or size than wanted", attribute));
   std::vector<T> values(n);
-  if (H5Aread(handle.id(), type_of<T>(), values.data()) < 0) fail(name, fmt::format("attribute {} cannot be read: {}", attribute, reason()));
+  if (n > 0 && H5Aread(handle.id(), type_of<T>(), values.data()) < 0) fail(name, fmt::format("attribute {} cannot be read: {}", attribute, reason()));
   return values;
 }
 

@@ -170,7 +170,9 @@ SiloShape parse_silo(core::TomlKeys keys) {
   try {
     build_walls(shape, 0);
   } catch (const core::InputError& error) {
-    keys.fail(keys.has("coverage") ? "coverage" : width, error.what());
+    for (const std::string_view key : {std::string_view("coverage"), std::string_view("height"), std::string_view("collar"), width})
+      if (keys.has(key)) keys.fail(key, error.what());
+    throw core::InputError(fmt::format("{}: {}", shape.where, error.what()));
   }
   return shape;
 }

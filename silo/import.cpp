@@ -214,7 +214,8 @@ State read_dump(const std::string& path, const std::string& text) {
 State import_file(const std::string& path) {
   const std::string text = core::read_text(path);
   const std::string_view first = std::string_view(text).substr(0, text.find('\n'));
-  if (first.starts_with("id,")) return core::read_csv(path);
+  GC_REQUIRE(!text.empty(), "{}: is empty; give a CSV state, LAMMPS data or a LAMMPS dump", path);
+  if (first.starts_with("id,") || path.ends_with(".csv")) return core::read_csv(path);
   State state = first.starts_with("ITEM:") ? read_dump(path, text) : read_data(path, text);
   validate(state, path);
   return state;

@@ -34,7 +34,8 @@ void require_apart(const State& state, bool outlet_open, std::string_view source
       const core::BallRow &a = balls.rows[pairs->i[p]], &b = balls.rows[pairs->j[p]];
       const double overlap = a.r + b.r - std::hypot(a.x - b.x, a.y - b.y, a.z - b.z);
       GC_REQUIRE(overlap <= core::kLargestOverlap * (a.r + b.r),
-                 "{}: ball {} overlaps {} ball {} by {:.4g} m of {:.4g} m, the sum of their radii: move them apart, to at most {:.4g} m",
+                 "{}: ball {} overlaps {} ball {} by {:.4g} m of {:.4g} m, the sum of their radii: move them apart, to at most {:.4g} m, "
+                 "or see whether all lengths are in m",
                  source, balls.id_of(pairs->i[p]), name(balls.kind_of(pairs->j[p])), balls.id_of(pairs->j[p]), overlap, a.r + b.r,
                  core::kLargestOverlap * (a.r + b.r));
     }

@@ -373,23 +373,21 @@ std::int64_t RunReader::frame_at(double time) const {
 State RunReader::state(std::int64_t frame) const {
   const Hdf5Group content = file_.group("particles/content"), wall = file_.group("particles/wall");
   const auto row = static_cast<std::uint64_t>(frame);
+  const auto id = content.read<std::int64_t>("id"), wall_id = wall.read<std::int64_t>("id");
+  const auto radius = content.read<double>("radius"), wall_radius = wall.read<double>("radius");
   // What one row may have is known before it is read.
-  const std::uint64_t frames = times_.size(), balls = content.shape("id").empty() ? 1 : content.shape("id")[0];
+  const std::uint64_t frames = times_.size(), balls = id.size();
   const auto require_shape = [&](const char* name, const Hdf5Group::Shape& wanted) {
     if (content.shape(name) != wanted) content.fail(name, fmt::format("has another shape than {} frames of {} balls: it is damaged", frames, balls));
   };
   require_shape("position/value", {frames, balls, 3});
   require_shape("velocity/value", {frames, balls, 3});
   require_shape("level/value", {frames, balls});
-  const auto id = content.read<std::int64_t>("id"), wall_id = wall.read<std::int64_t>("id");
-  const auto radius = content.read<double>("radius"), wall_radius = wall.read<double>("radius");
   const auto position = content.read_rows<double>("position/value", row, 1), velocity = content.read_rows<double>("velocity/value", row, 1);
   const auto level = content.read_rows<std::uint8_t>("level/value", row, 1), kind = wall.read<std::uint8_t>("kind");
   const auto wall_position = wall.read_vectors("position");
-  if (position.size() != 3 * id.size() || velocity.size() != position.size() || level.size() != id.size() || radius.size() != id.size() ||
-      kind.size() != wall_id.size() || wall_radius.size() != wall_id.size() || wall_position.size() != wall_id.size())
+  if (radius.size() != balls || kind.size() != wall_id.size() || wall_radius.size() != wall_id.size() || wall_position.size() != wall_id.size())
     throw FileError(fmt::format("{}: its arrays have different lengths: it is damaged", path_));
-
   if (std::any_of(kind.begin(), kind.end(), [](std::uint8_t its) { return its != 1 && its != 2; }))
     wall.fail("kind", "must be 1 wall or 2 plug: it is damaged");
 

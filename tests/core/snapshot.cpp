@@ -21,7 +21,7 @@ State some_state() {
   state.time = 1.0 / 3.0;
   state.add(3, Kind::content, Vec3(0.1, -2.0 / 3.0, 1e-300), Vec3(std::sqrt(2.0), -0.0, 5e-324), 0.22);
   state.add(5, Kind::wall, Vec3(1.0, 2.0, 3.0), Vec3::Zero(), 1.0 / 7.0);
-  state.add(9, Kind::plug, Vec3(-1e22, 0.3, 0.7), Vec3::Zero(), std::nextafter(0.22, 1.0));
+  state.add(9, Kind::plug, Vec3(-1e9 / 7.0, 0.3, 0.7), Vec3::Zero(), std::nextafter(0.22, 1.0));
   return state;
 }
 

@@ -202,6 +202,7 @@ void replace_attribute(hid_t file, const std::string& path, Choices& in) {
   if (H5Aexists(object.id(), name.c_str()) > 0) H5Adelete(object.id(), name.c_str());
   if (in.below(5) == 0) return;
   const Hdf5Handle type = type_of(in), space = space_of(in);
+  if (elements(space.id()) > 100000) return;  // H5Acreate2 of 1.10.8 itself asks for 2^63 bytes then
   const Hdf5Handle attribute(H5Acreate2(object.id(), name.c_str(), type.id(), space.id(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
   const hsize_t count = elements(space.id());
   const H5T_class_t kind = H5Tget_class(type.id());

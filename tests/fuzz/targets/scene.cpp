@@ -3,6 +3,8 @@
 #include "silo/phases.hpp"
 #include "tests/fuzz/fuzz.hpp"
 
+#include <toml++/toml.h>
+
 #include <vector>
 
 namespace grainclock::fuzz {
