@@ -62,7 +62,7 @@ void add_run_measures(Report& report, const Side& a, const Side& b) {
     report.add("wall_force", "wall force by layer, relative L2", relative_l2(*wall, *wall_reference));
   for (const char* name : {"energy_residual", "momentum_residual", "discharged", "contact_evaluations"}) {
     const auto value = a.run->observable(name, a.frame), reference = b.run->observable(name, b.frame);
-    if (value && reference)
+    if (value && reference && !value->empty() && !reference->empty())
       report.add(name, std::string(name) + ", and of the reference", std::vector<double>{value->at(0), reference->at(0)});
   }
 }

@@ -36,9 +36,7 @@ void FieldWriter::operator()(const char* name, const char* unit, const std::vect
 
 template <class Number>
 Number FieldReader::scalar(const char* name) const {
-  const std::vector<Number> values = group_.read<Number>(name);
-  if (values.size() != 1) group_.fail(name, fmt::format("has {} values where one was written", values.size()));
-  return values.front();
+  return group_.read_one<Number>(name);
 }
 void FieldReader::operator()(const char* name, const char*, double& number) { number = scalar<double>(name); }
 void FieldReader::operator()(const char* name, const char*, std::uint64_t& number) { number = scalar<std::uint64_t>(name); }
@@ -71,7 +69,7 @@ JobMaker read_job_file(const std::filesystem::path& path, const std::function<vo
   const core::Hdf5Group origin = file.group("provenance");
   const std::string host = origin.read_text("host");
   return {host.substr(0, host.find(' ')),  // the rest is its system
-          origin.read_text("git_revision"), origin.read<std::int64_t>("threads").at(0)};
+          origin.read_text("git_revision"), origin.read_one<std::int64_t>("threads")};
 }
 
 }  // namespace grainclock::benchmarks

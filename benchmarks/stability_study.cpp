@@ -25,6 +25,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kMostBalls = 100;  // of a packing: theory takes the third power of it, a minute per job
 constexpr double kFitUpTo = 0.5;         // the growth's exponent is that of small steps
 constexpr double kAgreement = 0.05;      // of measured and theoretical limits
+constexpr std::size_t kLongestList = 1000;
 constexpr const char* kFailure = "failure";
 
 /// What a study file says.
@@ -62,6 +63,7 @@ std::vector<Value> read_list(TomlKeys& keys, const toml::table& table, std::stri
   keys.allow(key);
   const toml::node* node = table.get(key);
   keys.require(node && node->is_array() && !node->as_array()->empty(), key, fmt::format("give a list, each {}", what));
+  keys.require(node->as_array()->size() <= kLongestList, key, fmt::format("must have at most {} values", kLongestList));
   std::vector<Value> values;
   for (const toml::node& one : *node->as_array()) {
     const std::optional<Value> value = read(one);
@@ -128,7 +130,7 @@ void read_packing(TomlKeys& keys, const std::string& path, StabilityPlan& plan) 
 }
 
 StabilityPlan read_plan(const std::string& text, const std::string& path) {
-  const toml::table root = parse_study(text, path);
+  const toml::table root = core::parse_toml(text, path);
   TomlKeys keys(root, "", path);
   StabilityPlan plan;
   keys.choice("kind", {"stability"});
@@ -457,7 +459,7 @@ class StabilityStudy final : public StudyKind {
 }  // namespace
 
 std::unique_ptr<StudyKind> read_stability_study(const std::string& path, int threads) {
-  std::string text = core::read_text(path);
+  std::string text = core::read_text(path, core::kMostToml);
   StabilityPlan plan = read_plan(text, path);
   return std::make_unique<StabilityStudy>(std::move(plan), std::move(text), threads);
 }

@@ -22,6 +22,7 @@ using core::TomlKeys;
 
 /// Of the jobs' files and of what is computed into them; a new number lets every job run anew.
 constexpr int kFormat = 1;
+constexpr double kMostSamples = 1e6;  // of a run
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 /// What the study's file says.
@@ -47,6 +48,7 @@ void read_times(TomlKeys& keys, Plan& plan) {
   const double duration = needed("duration", "give the length of each run in s"),
                every = needed("every", "give the time between samples in s");
   const double samples = duration / every;
+  keys.require(samples <= kMostSamples, "every", fmt::format("makes {:.3g} samples of a run; take at most {:g}", samples, kMostSamples));
   keys.require(is_whole(samples) && samples >= 1.0, "duration",
                fmt::format("must be a whole multiple of every = {} s; nearest: {} s", every,
                            std::max(1.0, std::round(samples)) * every));
@@ -81,8 +83,8 @@ std::vector<Point> read_named_methods(const std::string& text, const std::string
 Plan read_plan(const std::string& path) {
   Plan plan;
   plan.path = path;
-  plan.text = core::read_text(path);
-  const toml::table root = parse_study(plan.text, path);
+  plan.text = core::read_text(path, core::kMostToml);
+  const toml::table root = core::parse_toml(plan.text, path);
   TomlKeys keys(root, "", path);
   keys.allow("kind");  // read by make_study()
   plan.scene = read_scene_path(keys, path);

@@ -151,7 +151,7 @@ void write_results(const StudyCall& call, const StudyKind& study, const StudyDir
 }  // namespace
 
 std::unique_ptr<StudyKind> make_study(const std::string& path, int threads) {
-  const toml::table root = parse_study(core::read_text(path), path);
+  const toml::table root = core::parse_toml_file(path);
   const auto kind = core::TomlKeys(root, "", path).choice("kind", {"trajectories", "statistics", "stability"});
   if (kind == "statistics") return read_statistics_study(path, threads);
   if (kind == "stability") return read_stability_study(path, threads);

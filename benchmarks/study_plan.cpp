@@ -14,6 +14,7 @@ using core::Stepping;
 using core::TomlKeys;
 
 constexpr int kDefaultRepeat = 3;
+constexpr std::size_t kMostPoints = 1000;  // of a study; each is read from the whole file
 constexpr double kCoarserStep = 2.0, kCoarserRtol = 10.0;
 /// Ten times the rtol of a reference must still be one.
 constexpr double kLargestReferenceRtol = 1e-2;
@@ -116,15 +117,19 @@ std::vector<Point> read_method(const std::string& text, const std::string& path,
   const auto method_of = [which](toml::table& root) -> toml::table& {
     return *root["method"].as_array()->get(which)->as_table();
   };
-  toml::table original = parse_study(text, path);
+  toml::table original = core::parse_toml(text, path);
   const auto swept = swept_keys(method_of(original), TomlKeys(method_of(original), "[[method]]", path));
   std::size_t combinations = 1;
-  for (const auto& [key, length] : swept) combinations *= length;
+  for (const auto& [key, length] : swept) {
+    TomlKeys(method_of(original), "[[method]]", path)
+        .require(length <= kMostPoints / combinations, key, fmt::format("the lists of one method make at most {} points; give shorter ones", kMostPoints));
+    combinations *= length;
+  }
 
   std::vector<Point> points;
   for (std::size_t c = 0; c < combinations; ++c) {
     // Parsed anew and its elements moved, not copied: copies of toml nodes lose their lines.
-    toml::table root = parse_study(text, path);
+    toml::table root = core::parse_toml(text, path);
     toml::table& method = method_of(root);
     std::size_t rest = c;
     for (auto key = swept.rbegin(); key != swept.rend(); ++key) {
@@ -240,19 +245,12 @@ Point coarser(const Point& reference) {
   return point;
 }
 
-toml::table parse_study(const std::string& text, const std::string& path) {
-  try {
-    return toml::parse(text, path);
-  } catch (const toml::parse_error& error) {
-    throw core::InputError(fmt::format("{}:{}: not valid TOML: {}", path, error.source().begin.line, error.description()));
-  }
-}
-
 std::string file_of_study(const std::string& file, const std::string& study_path, const std::string& where) {
   const std::filesystem::path wanted(file);
   const auto beside = std::filesystem::path(study_path).parent_path() / wanted;
-  if (std::filesystem::exists(beside)) return beside.string();
-  if (std::filesystem::exists(wanted)) return wanted.string();
+  std::error_code ignored;  // a name that no file can have is not there
+  if (std::filesystem::exists(beside, ignored)) return beside.string();
+  if (std::filesystem::exists(wanted, ignored)) return wanted.string();
   throw core::FileError(
       fmt::format("{}: there is no file '{}', neither beside the study nor in the working directory", where, file));
 }
@@ -274,6 +272,7 @@ std::vector<std::string> read_starts(TomlKeys& keys, const toml::table& root, co
     starts.push_back(file_of_study(*file, path, keys.where("start")));
   };
   if (const toml::array* list = node->as_array()) {
+    keys.require(list->size() <= kMostPoints, "start", fmt::format("must be at most {} files", kMostPoints));
     for (const toml::node& one : *list) add(one);
     keys.require(!starts.empty(), "start", "an empty list starts nothing; give at least one state file");
   } else {
@@ -283,13 +282,15 @@ std::vector<std::string> read_starts(TomlKeys& keys, const toml::table& root, co
 }
 
 std::vector<Point> read_methods(const std::string& text, const std::string& path, int repeat) {
-  const toml::table root = parse_study(text, path);
+  const toml::table root = core::parse_toml(text, path);
   TomlKeys keys(root, "", path);
   const std::size_t methods = keys.tables("method").size();
   keys.require(methods > 0, "method", "a study needs at least one [[method]] table");
+  keys.require(methods <= kMostPoints, "method", fmt::format("a study has at most {} of them", kMostPoints));
   std::vector<Point> points;
   for (std::size_t which = 0; which < methods; ++which) {
     for (Point& point : read_method(text, path, repeat, which)) points.push_back(std::move(point));
+    keys.require(points.size() <= kMostPoints, "method", fmt::format("the methods make more than {} points; sweep shorter lists", kMostPoints));
   }
   return points;
 }
@@ -297,8 +298,8 @@ std::vector<Point> read_methods(const std::string& text, const std::string& path
 Study read_study(const std::string& path) {
   Study study;
   study.path = path;
-  study.text = core::read_text(path);
-  const toml::table root = parse_study(study.text, path);
+  study.text = core::read_text(path, core::kMostToml);
+  const toml::table root = core::parse_toml(study.text, path);
   TomlKeys keys(root, "", path);
 
   keys.allow("kind");  // read by make_study()

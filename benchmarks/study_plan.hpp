@@ -62,8 +62,6 @@ Study read_study(const std::string& path);
 
 // What every kind of study reads the same way; `text` is the whole file `path`. All throw as read_study() does.
 
-/// The file as TOML.
-toml::table parse_study(const std::string& text, const std::string& path);
 /// The file that the study names: beside it, or else in the working directory. `where` for the message.
 std::string file_of_study(const std::string& file, const std::string& study_path, const std::string& where);
 /// The scene of the key `scene`.

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -19,10 +20,16 @@ enum class ExitCode { done = 0, bad_input = 2, numerics_failed = 3, file_trouble
 
 class Error : public std::runtime_error {
  public:
-  Error(ExitCode code, const std::string& text) : std::runtime_error(text), code_(code) {}
+  /// Control characters that a message quotes from a file show as `?`: they could do anything to a terminal.
+  Error(ExitCode code, std::string text) : std::runtime_error(without_controls(std::move(text))), code_(code) {}
   ExitCode code() const { return code_; }
 
  private:
+  static std::string without_controls(std::string text) {
+    for (char& letter : text)
+      if (letter != '\n' && (static_cast<unsigned char>(letter) < 32 || letter == 127)) letter = '?';
+    return text;
+  }
   ExitCode code_;
 };
 
@@ -49,6 +56,12 @@ struct FileError : Error {
 struct Stopped : Error {
   explicit Stopped(const std::string& text) : Error(ExitCode::stopped, text) {}
 };
+
+/// What a message quotes of a file: its beginning, if it is long.
+inline std::string excerpt(std::string_view text) {
+  constexpr std::size_t kLongest = 80;
+  return text.size() > kLongest ? std::string(text.substr(0, kLongest)) + "..." : std::string(text);
+}
 
 }  // namespace grainclock::core
 

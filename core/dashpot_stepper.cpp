@@ -91,7 +91,7 @@ void DashpotStepper::add_up_forces() {
   for (const Touch& touch : touches_) {
     const double radii = balls_.rows[touch.i].r + balls_.rows[touch.j].r;
     // Written so that what is not a number fails.
-    if (!(std::abs(touch.force()) <= scale_.limit && touch.overlap <= 0.25 * radii)) throw_overloaded();
+    if (!(std::abs(touch.force()) <= scale_.limit && touch.overlap <= kLargestOverlap * radii)) throw_overloaded();
     const IntVec force = in_units(touch, touch.force());
     for (int k = 0; k < 3; ++k) {
       sums_[touch.i].v[k] += force.v[k];

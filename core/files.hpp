@@ -1,6 +1,7 @@
 // Files that never stand half-written under their final name, and directories that one process works in.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -44,7 +45,9 @@ class DirectoryLock {
 
 /// Writes a whole text file aside and renames it. Throws FileError.
 void write_text(const std::filesystem::path& path, std::string_view text);
-/// The whole file. Throws FileError where it cannot be read.
-std::string read_text(const std::filesystem::path& path);
+/// The whole file, or all that a pipe gives, without a UTF-8 byte order mark. Throws FileError where it cannot be read, is
+/// a device, or is longer than `most` bytes (known before any memory is taken for it).
+inline constexpr std::uint64_t kMostText = std::uint64_t{4} << 30;
+std::string read_text(const std::filesystem::path& path, std::uint64_t most = kMostText);
 
 }  // namespace grainclock::core

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <fstream>
 #include <limits>
+#include <optional>
 #include <string_view>
 #include <utility>
 
@@ -99,8 +100,11 @@ Hdf5Handle text_type() {
   return type;
 }
 
-/// Whole numbers read as whole numbers, floats as floats: a silent conversion between them would lose digits.
-bool converts(hid_t stored, hid_t wanted) { return H5Tget_class(stored) == H5Tget_class(wanted); }
+/// Whole numbers read as whole numbers, floats as floats: a silent conversion between them would lose digits, as would one
+/// from numbers wider than ours.
+bool converts(hid_t stored, hid_t wanted) {
+  return H5Tget_class(stored) == H5Tget_class(wanted) && H5Tget_size(stored) <= sizeof(std::uint64_t);
+}
 
 /// Reads one text, of fixed or variable length, with `read(memory type, buffer)`.
 template <class Read>
@@ -132,10 +136,21 @@ void Hdf5Group::fail(const std::string& name, const std::string& what) const {
 
 // ---------------------------------------------------------------- links
 
+namespace {
+
+/// Whether there is a hard link: others lead out of the file, in circles, or nowhere.
+bool is_plain_link(hid_t group, const std::string& path) {
+  H5L_info_t info{};
+  return H5Lexists(group, path.c_str(), H5P_DEFAULT) > 0 && H5Lget_info(group, path.c_str(), &info, H5P_DEFAULT) >= 0 &&
+         info.type == H5L_TYPE_HARD;
+}
+
+}  // namespace
+
 bool Hdf5Group::has(const std::string& name) const {
   for (std::size_t slash = name.find('/'); slash != std::string::npos; slash = name.find('/', slash + 1))
-    if (H5Lexists(handle_.id(), name.substr(0, slash).c_str(), H5P_DEFAULT) <= 0) return false;
-  return H5Lexists(handle_.id(), name.c_str(), H5P_DEFAULT) > 0;
+    if (!is_plain_link(handle_.id(), name.substr(0, slash))) return false;
+  return is_plain_link(handle_.id(), name);
 }
 
 bool Hdf5Group::is_group(const std::string& name) const {
@@ -147,16 +162,19 @@ bool Hdf5Group::is_group(const std::string& name) const {
 std::vector<std::string> Hdf5Group::names() const {
   std::vector<std::string> found;
   const auto note = [](hid_t, const char* name, const H5L_info_t*, void* out) -> herr_t {
-    static_cast<std::vector<std::string>*>(out)->emplace_back(name);
-    return 0;
+    constexpr std::size_t kMost = 100000;  // a damaged index may go in circles
+    auto& names = *static_cast<std::vector<std::string>*>(out);
+    names.emplace_back(name);
+    return names.size() < kMost ? 0 : -1;
   };
   if (H5Literate(handle_.id(), H5_INDEX_NAME, H5_ITER_INC, nullptr, note, &found) < 0) fail("", "cannot be listed: " + reason());
   return found;
 }
 
 Hdf5Group Hdf5Group::group(const std::string& name) const {
+  if (!has(name)) fail(name, "this group is missing");
   Hdf5Handle handle(H5Gopen2(handle_.id(), name.c_str(), H5P_DEFAULT), H5Gclose);
-  if (!handle.is_valid()) fail(name, has(name) ? "this group cannot be opened: " + reason() : "this group is missing");
+  if (!handle.is_valid()) fail(name, "this group cannot be opened: " + reason());
   return {std::move(handle), file_, path_ + name + "/", sums_};
 }
 
@@ -179,50 +197,137 @@ Hdf5Handle open_dataset(hid_t group, const std::string& name) {
   return {H5Dopen2(group, name.c_str(), H5P_DEFAULT), H5Dclose};
 }
 
-/// The most bytes that the file can really hold for the dataset: a damaged header must not ask for more memory.
-std::uint64_t believable_bytes(hid_t dataset) {
+/// Size of a regular file [bytes]; nothing for anything else.
+std::optional<std::uint64_t> bytes_of(const std::filesystem::path& path) {
+  std::error_code trouble;
+  if (!std::filesystem::is_regular_file(path, trouble)) return std::nullopt;
+  const std::uintmax_t size = std::filesystem::file_size(path, trouble);
+  return trouble ? std::nullopt : std::optional<std::uint64_t>(size);
+}
+
+/// What is wrong with a chunked dataset's chunks or filters; empty if nothing is.
+std::string chunk_trouble(hid_t plist, std::uint64_t element_bytes) {
+  constexpr std::uint64_t kMostChunk = std::uint64_t{1} << 28;  // bytes; a chunk is read as a whole
+  hsize_t extents[H5S_MAX_RANK];
+  const int rank = H5Pget_chunk(plist, H5S_MAX_RANK, extents);
+  if (rank <= 0) return "has chunks that cannot be understood";
+  Shape chunk(extents, extents + rank);
+  chunk.push_back(element_bytes);
+  if (product(chunk) > kMostChunk)
+    return fmt::format("has chunks of {} bytes; chunks of at most {} are read", product(chunk), kMostChunk);
+  for (int k = 0; k < H5Pget_nfilters(plist); ++k) {
+    unsigned flags = 0, config = 0;
+    std::size_t values = 0;
+    const H5Z_filter_t filter = H5Pget_filter2(plist, static_cast<unsigned>(k), &flags, &values, nullptr, 0, nullptr, &config);
+    if (filter != H5Z_FILTER_DEFLATE && filter != H5Z_FILTER_SHUFFLE && filter != H5Z_FILTER_FLETCHER32)
+      return fmt::format("is stored with filter {}; write it with gzip or without compression", static_cast<int>(filter));
+  }
+  return {};
+}
+
+/// The files that a virtual dataset takes rows from; `directory` is that of its own file.
+std::vector<std::filesystem::path> sources_of(hid_t plist, const std::filesystem::path& directory) {
+  std::size_t count = 0;
+  H5Pget_virtual_count(plist, &count);
+  std::vector<std::filesystem::path> sources;
+  for (std::size_t k = 0; k < count; ++k) {
+    std::string name(static_cast<std::size_t>(std::max<ssize_t>(0, H5Pget_virtual_filename(plist, k, nullptr, 0))), '\0');
+    H5Pget_virtual_filename(plist, k, name.data(), name.size() + 1);
+    sources.push_back(directory / name);
+  }
+  return sources;
+}
+
+/// The bytes that such files can hold.
+std::uint64_t bytes_of(const std::vector<std::filesystem::path>& sources) {
+  constexpr std::uint64_t kMissing = std::uint64_t{1} << 24;  // of a file that is not there: its rows read as nan
+  std::uint64_t bytes = 0;
+  for (const auto& source : sources) bytes += bytes_of(source).value_or(kMissing);
+  return bytes;
+}
+
+/// Whether all of them are files, if they are there: opening a pipe would wait forever.
+bool are_plain(const std::vector<std::filesystem::path>& sources) {
+  std::error_code ignored;
+  return std::all_of(sources.begin(), sources.end(), [&](const auto& source) {
+    return !std::filesystem::exists(source, ignored) || std::filesystem::is_regular_file(source, ignored);
+  });
+}
+
+/// The most bytes that a dataset with its storage in this file can have: a damaged header must not ask for more memory.
+std::uint64_t believable_bytes(hid_t dataset, hid_t plist, const std::string& file) {
   constexpr std::uint64_t kBestCompression = 1100;  // of deflate, a little above its limit of 1032
-  const Hdf5Handle plist(H5Dget_create_plist(dataset), H5Pclose);
-  const H5D_layout_t layout = H5Pget_layout(plist.id());
-  if (layout == H5D_VIRTUAL) return std::numeric_limits<std::uint64_t>::max();
-  const Hdf5Handle file(H5Iget_file_id(dataset), H5Fclose);
-  hsize_t size = 0;
-  H5Fget_filesize(file.id(), &size);
-  return layout == H5D_CHUNKED ? size * kBestCompression : size;
+  const std::uint64_t stored = std::min<std::uint64_t>(bytes_of(file).value_or(0), H5Dget_storage_size(dataset));
+  return H5Pget_layout(plist) == H5D_CHUNKED && H5Pget_nfilters(plist) > 0 ? stored * kBestCompression : stored;
 }
 
 }  // namespace
 
+Hdf5Handle Hdf5Group::dataset(const std::string& name) const {
+  if (!has(name)) fail(name, "this dataset is missing");
+  Hdf5Handle dataset = open_dataset(handle_.id(), name);
+  if (!dataset.is_valid()) fail(name, "this dataset cannot be opened: " + reason());
+  return dataset;
+}
+
 Hdf5Group::Shape Hdf5Group::shape(const std::string& name) const {
-  const Hdf5Handle dataset = open_dataset(handle_.id(), name);
-  if (!dataset.is_valid()) fail(name, has(name) ? "this dataset cannot be opened: " + reason() : "this dataset is missing");
-  const Hdf5Handle space(H5Dget_space(dataset.id()), H5Sclose);
+  const Hdf5Handle its = dataset(name);
+  const Hdf5Handle space(H5Dget_space(its.id()), H5Sclose);
+  if (H5Sget_simple_extent_type(space.id()) == H5S_NULL) fail(name, "is empty");
   return shape_of_space(space.id());
+}
+
+void Hdf5Group::require_believable(const std::string& name, hid_t dataset, hid_t type) const {
+  const Hdf5Handle plist(H5Dget_create_plist(dataset), H5Pclose);
+  const H5D_layout_t layout = H5Pget_layout(plist.id());
+  if (layout < 0) fail(name, "is stored in a way that cannot be understood");
+  if (layout == H5D_CONTIGUOUS && H5Pget_external_count(plist.id()) != 0) fail(name, "lies in another file; write it into this one");
+  const std::uint64_t element = H5Tget_size(type);
+  if (layout == H5D_CHUNKED)
+    if (const std::string trouble = chunk_trouble(plist.id(), element); !trouble.empty()) fail(name, trouble);
+  std::uint64_t believable = 0;
+  if (layout == H5D_VIRTUAL) {
+    const auto sources = sources_of(plist.id(), std::filesystem::path(file_).parent_path());
+    if (!are_plain(sources)) fail(name, "takes rows from something that is not a file");
+    believable = bytes_of(sources);
+  } else {
+    believable = believable_bytes(dataset, plist.id(), file_);
+  }
+  const std::uint64_t all = product(shape(name));
+  if (element == 0 || all > believable / element)
+    fail(name, fmt::format("claims {} elements, more than the file can hold: it is damaged", all));
 }
 
 template <class T>
 std::vector<T> Hdf5Group::read_rows(const std::string& name, std::uint64_t first, std::uint64_t count) const {
-  Shape extents = shape(name);
-  const Hdf5Handle dataset = open_dataset(handle_.id(), name);
-  const Hdf5Handle type(H5Dget_type(dataset.id()), H5Tclose);
+  const Shape own = shape(name);
+  const Hdf5Handle its = dataset(name);
+  const Hdf5Handle type(H5Dget_type(its.id()), H5Tclose);
   if (!converts(type.id(), type_of<T>())) fail(name, "has elements of another type than wanted");
-  if (extents.empty()) extents = {1};
+  const bool is_scalar = own.empty();
+  const Shape extents = is_scalar ? Shape{1} : own;
   if (first > extents[0] || count > extents[0] - first)
     fail(name, fmt::format("has {} rows; rows {} to {} are wanted", extents[0], first, first + count));
+  require_believable(name, its.id(), type.id());
   Shape wanted = extents;
   wanted[0] = count;
-  const std::uint64_t n = product(wanted), all = product(extents);
-  if (all > believable_bytes(dataset.id()) / H5Tget_size(type.id()) || n > std::numeric_limits<std::uint32_t>::max())
-    fail(name, fmt::format("claims {} elements, more than the file can hold: it is damaged", all));
+  const std::uint64_t n = product(wanted);
+  if (n > std::numeric_limits<std::uint32_t>::max()) fail(name, fmt::format("has {} elements to be read at once, too many", n));
 
   std::vector<T> values(n);
   if (n == 0) return values;
-  const bool is_scalar = shape(name).empty();
   const Hdf5Handle from = is_scalar ? space_of({}) : rows_of(extents, first, count);
   const Hdf5Handle to = is_scalar ? space_of({}) : space_of(wanted);
-  if (!from.is_valid() || H5Dread(dataset.id(), type_of<T>(), to.id(), from.id(), H5P_DEFAULT, values.data()) < 0)
+  if (!from.is_valid() || H5Dread(its.id(), type_of<T>(), to.id(), from.id(), H5P_DEFAULT, values.data()) < 0)
     fail(name, "cannot be read: " + reason());
   return values;
+}
+
+template <class T>
+T Hdf5Group::read_one(const std::string& name) const {
+  const std::vector<T> values = read<T>(name);
+  if (values.size() != 1) fail(name, fmt::format("has {} values; one is wanted", values.size()));
+  return values.front();
 }
 
 template <class T>
@@ -242,11 +347,12 @@ std::vector<Vec3> Hdf5Group::read_vectors(const std::string& name) const {
 
 std::string Hdf5Group::read_text(const std::string& name) const {
   if (!shape(name).empty()) fail(name, "must be one text");
-  const Hdf5Handle dataset = open_dataset(handle_.id(), name);
-  const Hdf5Handle type(H5Dget_type(dataset.id()), H5Tclose);
+  const Hdf5Handle its = dataset(name);
+  const Hdf5Handle type(H5Dget_type(its.id()), H5Tclose);
+  if (H5Tget_class(type.id()) == H5T_STRING) require_believable(name, its.id(), type.id());
   std::string text;
   if (!read_string(type.id(), text,
-                   [&](hid_t memory, void* out) { return H5Dread(dataset.id(), memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, out); }))
+                   [&](hid_t memory, void* out) { return H5Dread(its.id(), memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, out); }))
     fail(name, "cannot be read as a text");
   return text;
 }
@@ -370,19 +476,27 @@ bool Hdf5Group::has_attribute(const std::string& name, const std::string& attrib
 template <class T>
 std::vector<T> Hdf5Group::attribute(const std::string& name, const std::string& attribute) const {
   constexpr std::uint64_t kMost = 1 << 16;  // HDF5's own limit for attributes, in bytes
+  if (!has_attribute(name, attribute)) fail(name, fmt::format("attribute {} is missing", attribute));
   const Hdf5Handle handle(H5Aopen_by_name(handle_.id(), name.c_str(), attribute.c_str(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
-  if (!handle.is_valid()) fail(name, fmt::format("attribute {} is missing", attribute));
+  if (!handle.is_valid()) fail(name, fmt::format("attribute {} cannot be opened: {}", attribute, reason()));
   const Hdf5Handle space(H5Aget_space(handle.id()), H5Sclose), type(H5Aget_type(handle.id()), H5Tclose);
   const std::uint64_t n = product(shape_of_space(space.id()));
   if (!converts(type.id(), type_of<T>()) || n > kMost) fail(name, fmt::format("attribute {} has another type or size than wanted", attribute));
   std::vector<T> values(n);
-  if (H5Aread(handle.id(), type_of<T>(), values.data()) < 0) fail(name, fmt::format("attribute {} cannot be read: {}", attribute, reason()));
+  if (n > 0 && H5Aread(handle.id(), type_of<T>(), values.data()) < 0) fail(name, fmt::format("attribute {} cannot be read: {}", attribute, reason()));
   return values;
 }
 
+double Hdf5Group::number_attribute(const std::string& name, const std::string& attribute) const {
+  const auto values = this->attribute<double>(name, attribute);
+  if (values.size() != 1) fail(name, fmt::format("attribute {} has {} values; one is wanted", attribute, values.size()));
+  return values.front();
+}
+
 std::string Hdf5Group::text_attribute(const std::string& name, const std::string& attribute) const {
+  if (!has_attribute(name, attribute)) fail(name, fmt::format("attribute {} is missing", attribute));
   const Hdf5Handle handle(H5Aopen_by_name(handle_.id(), name.c_str(), attribute.c_str(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
-  if (!handle.is_valid()) fail(name, fmt::format("attribute {} is missing", attribute));
+  if (!handle.is_valid()) fail(name, fmt::format("attribute {} cannot be opened: {}", attribute, reason()));
   const Hdf5Handle type(H5Aget_type(handle.id()), H5Tclose), space(H5Aget_space(handle.id()), H5Sclose);
   std::string text;
   if (product(shape_of_space(space.id())) != 1 ||
@@ -440,7 +554,10 @@ Hdf5File Hdf5File::create(const std::filesystem::path& path, Hdf5Sums sums) {
   // Strong: close() writes everything out even while groups are open; else that would wait for the last of them.
   const Hdf5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
   H5Pset_fclose_degree(access.id(), H5F_CLOSE_STRONG);
-  if (sums == Hdf5Sums::yes) H5Pset_libver_bounds(access.id(), H5F_LIBVER_V110, H5F_LIBVER_V110);  // has sums over metadata
+  // Since version 1.8 of the format headers carry checksums: the library finds a damaged one, and is not led astray by it.
+  // Version 1.10 has them over all metadata.
+  if (sums == Hdf5Sums::yes) H5Pset_libver_bounds(access.id(), H5F_LIBVER_V110, H5F_LIBVER_V110);
+  else H5Pset_libver_bounds(access.id(), H5F_LIBVER_V18, H5F_LIBVER_LATEST);
   Hdf5Handle handle(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.id()), H5Fclose);
   if (!handle.is_valid()) throw FileError(fmt::format("{}: cannot be created: {}", path.string(), reason()));
   return {std::move(handle), path.string(), "/", sums};
@@ -448,6 +565,9 @@ Hdf5File Hdf5File::create(const std::filesystem::path& path, Hdf5Sums sums) {
 
 Hdf5File Hdf5File::open(const std::filesystem::path& path) {
   set_up_library();
+  std::error_code ignored;
+  if (std::filesystem::exists(path, ignored) && !std::filesystem::is_regular_file(path, ignored))
+    throw FileError(fmt::format("{}: is not a file; an HDF5 file is wanted", path.string()));
   if (std::ifstream readable(path); !readable)
     throw FileError(fmt::format("{}: cannot be read: {}", path.string(), std::strerror(errno)));
   Hdf5Handle handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
@@ -462,6 +582,7 @@ void Hdf5File::close() {
 #define GC_INSTANTIATE(T)                                                                                           \
   template std::vector<T> Hdf5Group::read(const std::string&) const;                                                \
   template std::vector<T> Hdf5Group::read_rows(const std::string&, std::uint64_t, std::uint64_t) const;             \
+  template T Hdf5Group::read_one(const std::string&) const;                                                         \
   template void Hdf5Group::write(const std::string&, const std::vector<T>&);                                        \
   template void Hdf5Group::write(const std::string&, const std::vector<T>&, const Shape&);                          \
   template void Hdf5Group::create_rows<T>(const std::string&, const Shape&);                                             \

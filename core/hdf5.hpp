@@ -2,6 +2,10 @@
 //
 // Elements are double, int64, uint64 or uint8; positions are n x 3 doubles; texts are
 // variable-length UTF-8 scalars. Every failure is a FileError that names the file and the object.
+//
+// A file may be damaged, or made by anybody: before anything is read, what its headers claim is held against what the file
+// can hold (sizes, before memory is taken for them), and only plain data are followed: hard links, numbers and texts, storage
+// in the file itself or in regular files of virtual datasets, gzip or no compression.
 #pragma once
 
 #include "core/state.hpp"
@@ -59,6 +63,8 @@ class Hdf5Group {
   template <class T> std::vector<T> read(const std::string& name) const;
   /// `count` rows (along the first axis) from `first` on.
   template <class T> std::vector<T> read_rows(const std::string& name, std::uint64_t first, std::uint64_t count) const;
+  /// The one number of a dataset.
+  template <class T> T read_one(const std::string& name) const;
   std::vector<Vec3> read_vectors(const std::string& name) const;
   std::string read_text(const std::string& name) const;
 
@@ -78,6 +84,7 @@ class Hdf5Group {
   // Attributes of the object `name` here; "." is the group itself. Numbers are scalars or 1-D.
   bool has_attribute(const std::string& name, const std::string& attribute) const;
   template <class T> std::vector<T> attribute(const std::string& name, const std::string& attribute) const;
+  double number_attribute(const std::string& name, const std::string& attribute) const;
   std::string text_attribute(const std::string& name, const std::string& attribute) const;
   template <class T>
   void write_attribute(const std::string& name, const std::string& attribute, const std::vector<T>& values);
@@ -86,6 +93,12 @@ class Hdf5Group {
 
   /// Throws FileError about the object `name` here: the file, the path and `what`.
   [[noreturn]] void fail(const std::string& name, const std::string& what) const;
+
+ private:
+  /// A dataset that is to be read; throws FileError if it is missing.
+  Hdf5Handle dataset(const std::string& name) const;
+  /// Throws FileError unless the dataset can have as many elements as it claims, and lies where it can be read.
+  void require_believable(const std::string& name, Hdf5Handle::Id dataset, Hdf5Handle::Id type) const;
 
  protected:
   Hdf5Group(Hdf5Handle handle, std::string file, std::string path, Hdf5Sums sums)

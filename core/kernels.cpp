@@ -28,10 +28,23 @@ typedef std::int64_t Int4 [[gnu::vector_size(32)]];
 #define GC_INLINE [[gnu::always_inline]] inline
 #define GC_INLINE_LAMBDA __attribute__((always_inline))
 
+#if defined(__clang__)  // builds only the fuzzers, which need not be fast
+template <class Vector, class Mask>
+GC_INLINE Vector shuffled(Vector a, Vector b, Mask mask) {
+  constexpr auto kLanes = static_cast<std::int64_t>(sizeof(Vector) / 8);
+  Vector out{};
+  for (std::int64_t k = 0; k < kLanes; ++k) out[k] = mask[k] < kLanes ? a[mask[k]] : b[mask[k] - kLanes];
+  return out;
+}
+#define __builtin_shuffle shuffled
+#endif
+
 GC_INLINE Real splat(double value) { return Real{} + value; }
 
 GC_INLINE Real square_root(Real x) {
-#if defined(__AVX512F__)
+#if defined(__AVX512F__) && defined(__clang__)
+  return (Real)_mm512_sqrt_pd((__m512d)x);
+#elif defined(__AVX512F__)
   return __builtin_ia32_sqrtpd512_mask(x, x, static_cast<unsigned char>(-1), _MM_FROUND_CUR_DIRECTION);
 #elif defined(__AVX__)
   return (Real)_mm256_sqrt_pd((__m256d)x);

@@ -1,7 +1,6 @@
 #include "core/row_shares.hpp"
 
 #include <algorithm>
-#include <ranges>
 
 namespace grainclock::core {
 
@@ -20,10 +19,13 @@ std::size_t first_vector(const PairList& pairs, std::uint32_t row) {
 
 /// The first of `rows` before which at least `wanted` pairs begin.
 std::uint32_t row_after(const PairList& ball, const PairList& fixed, std::size_t wanted, std::uint32_t rows) {
-  const auto all = std::views::iota(std::uint32_t{0}, rows + 1);
-  return *std::ranges::lower_bound(all, wanted, {}, [&](std::uint32_t row) {
-    return pairs_before(ball, row) + pairs_before(fixed, row);
-  });
+  std::uint32_t first = 0, last = rows;
+  while (first < last) {
+    const std::uint32_t middle = first + (last - first) / 2;
+    const bool is_enough = pairs_before(ball, middle) + pairs_before(fixed, middle) >= wanted;
+    (is_enough ? last : first) = is_enough ? middle : middle + 1;
+  }
+  return first;
 }
 
 }  // namespace

@@ -62,13 +62,19 @@ constexpr double kWholeGuard = 1e-9;
 /// The value of --set with its source set to the assignment itself, so that messages name it.
 toml::table parse_assigned(const std::string& assignment, const std::string& value) {
   const std::string source = "--set " + assignment;
+  const auto parsed = [&](const std::string& text) {
+    toml::table table = parse_toml("value = " + text, source);
+    // Anything after the value would be keys of its own.
+    GC_REQUIRE(table.size() == 1, "{}: is more than one value; give each key a --set of its own", source);
+    return table;
+  };
   try {
-    return toml::parse("value = " + value, source);
-  } catch (const toml::parse_error& error) {
+    return parsed(value);
+  } catch (const InputError& error) {
     // A bare word is a string: shells eat the quotes.
     const bool is_word = !value.empty() && value.find_first_of(" \t\n\"'[]{}=,#") == std::string::npos;
-    if (is_word) return toml::parse("value = '" + value + "'", source);
-    throw InputError(fmt::format("{}: `{}` is not a TOML value: {}", source, value, error.description()));
+    if (is_word) return parsed("'" + value + "'");
+    throw InputError(fmt::format("{}: `{}` is not a TOML value: {}", source, excerpt(value), error.what()));
   }
 }
 
@@ -195,7 +201,14 @@ bool is_whole_multiple(double value, double part) {
   return n >= 1.0 && std::abs(value - n * part) <= kWholeGuard * value;
 }
 
+/// Throws InputError where so many frames or records would be made.
+void require_countable(const TomlKeys& keys, std::string_view key, double n) {
+  constexpr double kMost = 1e9;
+  keys.require(n <= kMost, key, fmt::format("makes {:.3g} frames or records; at most {:g}", n, kMost));
+}
+
 void require_whole_multiple(const TomlKeys& keys, std::string_view key, double value, std::string_view part_name, double part) {
+  require_countable(keys, key, value / part);
   if (is_whole_multiple(value, part)) return;
   const double below = std::floor(value / part);
   const std::string nearest = below >= 1.0 ? fmt::format("{:.12g} or {:.12g}", below * part, (below + 1.0) * part)
@@ -204,6 +217,7 @@ void require_whole_multiple(const TomlKeys& keys, std::string_view key, double v
 }
 
 void require_part(const TomlKeys& keys, std::string_view key, double part, std::string_view whole_name, double whole) {
+  require_countable(keys, key, whole / part);
   if (is_whole_multiple(whole, part)) return;
   const double below = std::floor(whole / part);
   const std::string nearest = below >= 1.0 ? fmt::format("{:.12g} or {:.12g}", whole / (below + 1.0), whole / below)
@@ -310,7 +324,7 @@ std::string state_path(TomlKeys& keys, const std::string& scene_path, StateFile 
   keys.require(given.has_value(), "state", "give the path of a state file (.csv or .h5)");
   const fs::path beside = fs::path(scene_path).parent_path() / *given;
   for (const fs::path& candidate : {beside, fs::path(*given)})
-    if (fs::exists(candidate)) return fs::absolute(candidate).lexically_normal().string();
+    if (std::error_code ignored; fs::exists(candidate, ignored)) return fs::absolute(candidate).lexically_normal().string();
   if (file == StateFile::may_be_gone) return *given;
   throw FileError(fmt::format("{}: there is no state file \"{}\", neither beside the scene nor in the working directory",
                               keys.where("state"), *given));
@@ -414,20 +428,10 @@ std::string resolved_text(const Scene& scene, const Stepping& stepping) {
   return text;
 }
 
-toml::table parse(const std::string& path) {
-  const std::string text = read_text(path);
-  try {
-    return toml::parse(text, path);
-  } catch (const toml::parse_error& error) {
-    throw InputError(fmt::format("{}:{}:{}: this is not TOML: {}", path, error.source().begin.line,
-                                 error.source().begin.column, error.description()));
-  }
-}
-
 }  // namespace
 
 Scene read_scene(const std::string& path, const std::vector<std::string>& overrides, StateFile file) {
-  toml::table table = parse(path);
+  toml::table table = parse_toml_file(path);
   for (const std::string& assignment : overrides) apply_override(table, assignment);
   TomlKeys keys(table, "", path);
 

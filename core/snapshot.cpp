@@ -85,7 +85,7 @@ struct CsvLine {
   const char* begin;
 
   [[noreturn]] void fail(std::size_t cell, const std::string& remedy) const {
-    throw InputError(fmt::format("{}:{}:{}: `{}`: {}", path, number, cells[cell].data() - begin + 1, cells[cell], remedy));
+    throw InputError(fmt::format("{}:{}:{}: `{}`: {}", path, number, cells[cell].data() - begin + 1, excerpt(cells[cell]), remedy));
   }
 };
 
@@ -95,14 +95,26 @@ std::string_view trimmed(std::string_view text) {
   return text;
 }
 
+/// The line's values; of too many only the first, but all are counted.
 CsvLine cut(const std::string& path, std::size_t number, std::string_view line) {
   CsvLine cells{path, number, {}, line.data()};
-  for (std::size_t from = 0;;) {
+  for (std::size_t from = 0; cells.cells.size() < kColumns;) {
     const std::size_t comma = line.find(',', from);
     cells.cells.push_back(trimmed(line.substr(from, comma - from)));
-    if (comma == std::string_view::npos) return cells;
+    if (comma == std::string_view::npos) break;
     from = comma + 1;
   }
+  const auto values = static_cast<std::size_t>(std::count(line.begin(), line.end(), ',')) + 1;
+  GC_REQUIRE(values == kColumns, "{}:{}: `{}`: {} values; a line has {}: {}", path, number, excerpt(line), values, kColumns, kHeader);
+  return cells;
+}
+
+/// What may be wrong with a first line that is not the header.
+std::string_view header_hint(std::string_view line) {
+  if (line.find(';') != std::string_view::npos) return "; separate values by commas, and write numbers with a decimal point";
+  if (line.find('\t') != std::string_view::npos) return "; separate values by commas";
+  const bool is_number = !line.empty() && (line.front() == '-' || (line.front() >= '0' && line.front() <= '9'));
+  return is_number ? "; the balls begin on the second line" : "";
 }
 
 double number(const CsvLine& line, std::size_t cell) {
@@ -114,6 +126,12 @@ double number(const CsvLine& line, std::size_t cell) {
   return value;
 }
 
+double number_up_to(const CsvLine& line, std::size_t cell, double largest, const char* unit) {
+  const double value = number(line, cell);
+  if (std::abs(value) > largest) line.fail(cell, fmt::format("must be at most {:g} {} in size; is it in SI units?", largest, unit));
+  return value;
+}
+
 Kind kind(const CsvLine& line, std::size_t cell) {
   for (const Kind candidate : {Kind::content, Kind::wall, Kind::plug})
     if (name(candidate) == line.cells[cell]) return candidate;
@@ -121,22 +139,26 @@ Kind kind(const CsvLine& line, std::size_t cell) {
 }
 
 void add_ball(State& state, const CsvLine& line) {
-  if (line.cells.size() != kColumns)
-    throw InputError(fmt::format("{}:{}: {} values; a line has {}: {}", line.path, line.number, line.cells.size(), kColumns, kHeader));
   BallId id = 0;
   const std::string_view text = line.cells[0];
   const auto [end, trouble] = std::from_chars(text.data(), text.data() + text.size(), id);
   if (trouble != std::errc() || end != text.data() + text.size()) line.fail(0, "must be a whole number, the ball's id");
+  if (id < 0 || id > kLargestId) line.fail(0, fmt::format("must be from 0 to {}", kLargestId));
   if (!state.id.empty() && id <= state.id.back())
     line.fail(0, fmt::format("must be above the id before it, {}: sort the balls by id and give each one of its own", state.id.back()));
   const Kind its_kind = kind(line, 1);
-  const Vec3 position(number(line, 2), number(line, 3), number(line, 4));
-  const Vec3 velocity(number(line, 5), number(line, 6), number(line, 7));
+  const auto three = [&](std::size_t cell, const char* unit) {
+    Vec3 values;
+    for (std::size_t k = 0; k < 3; ++k) values[static_cast<Eigen::Index>(k)] = number_up_to(line, cell + k, kLargestSize, unit);
+    return values;
+  };
+  const Vec3 position = three(2, "m"), velocity = three(5, "m/s");
   if (its_kind != Kind::content)
     for (std::size_t cell = 5; cell < 8; ++cell)
       if (number(line, cell) != 0.0) line.fail(cell, "must be 0: wall and plug balls do not move");
-  const double radius = number(line, 8);
+  const double radius = number_up_to(line, 8, kLargestSize, "m");
   if (!(radius > 0.0)) line.fail(8, "must be above 0 m");
+  if (radius < kSmallestRadius) line.fail(8, fmt::format("must be at least {:g} m; is it in SI units?", kSmallestRadius));
   state.add(id, its_kind, position, velocity, radius);
 }
 
@@ -192,14 +214,13 @@ void write_state(Hdf5Group& parent, const State& state) {
 State read_state(const Hdf5Group& parent) {
   const Hdf5Group group = parent.group(kGroup);
   State state;
-  state.time = group.attribute<double>(".", "time").at(0);
-  state.length_scale = group.attribute<double>(".", "length_scale").at(0);
+  state.time = group.number_attribute(".", "time");
+  state.length_scale = group.number_attribute(".", "length_scale");
   const auto read = [&](const auto& field) {
     if (!field.is_optional || group.has(field.name)) read_field(group, field.name, state.*field.member);
   };
   std::apply([&](const auto&... field) { (read(field), ...); }, kFields);
-  const auto stored = group.read<std::uint64_t>(kChecksum);
-  if (stored.size() != 1 || stored[0] != checksum(state)) group.fail(kChecksum, "does not match the data: the file is damaged");
+  if (group.read_one<std::uint64_t>(kChecksum) != checksum(state)) group.fail(kChecksum, "does not match the data: the file is damaged");
   return state;
 }
 
@@ -213,7 +234,7 @@ State read_csv(const std::string& path) {
     from = end + 1;
     ++line_number;
     if (line_number == 1)
-      GC_REQUIRE(line == kHeader, "{}:1: the header is `{}`; it must be `{}`", path, line.substr(0, 80), kHeader);
+      GC_REQUIRE(line == kHeader, "{}:1: the header is `{}`; it must be `{}`{}", path, excerpt(line), kHeader, header_hint(line));
     else if (!line.empty())
       add_ball(state, cut(path, line_number, line));
   }

@@ -43,8 +43,17 @@ struct State {
   void add(BallId ball, Kind its_kind, const Vec3& at, const Vec3& v, double r);
 };
 
+// What a state may hold: far beyond any silo in SI units, and near enough that everything computed of it stays finite.
+inline constexpr BallId kLargestId = (BallId{1} << 53) - 1;  // doubles hold it, and it can be counted from 1 too
+inline constexpr double kLargestSize = 1e9;                  // m, of coordinates and radii; m/s, of velocities
+inline constexpr double kSmallestRadius = 1e-9;              // m
+inline constexpr double kLargestTime = 1e15;                 // s
+
+/// Throws InputError, beginning with `where`, unless a run with so many balls can have a place in this machine's memory.
+void require_room(double balls, std::string_view where);
+
 /// Throws InputError (naming `source` and the ball) unless ids are unique and
-/// increasing, numbers finite, radii positive, and fixed balls at rest.
+/// increasing, numbers finite and within the bounds above, radii positive, and fixed balls at rest.
 void validate(const State& state, std::string_view source);
 
 }  // namespace grainclock::core

@@ -12,6 +12,9 @@
 
 namespace grainclock::core {
 
+/// An overlap beyond this share of the sum of two radii is a failure of the numerics, or a state that cannot be stepped.
+inline constexpr double kLargestOverlap = 0.25;
+
 /// One touching (or cohering) pair at a synchronised time.
 struct Contact {
   BallId i, j;        // i is content

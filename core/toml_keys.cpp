@@ -1,11 +1,13 @@
 #include "core/toml_keys.hpp"
 
 #include "core/check.hpp"
+#include "core/files.hpp"
 
 #include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numeric>
 #include <sstream>
 #include <utility>
@@ -13,12 +15,26 @@
 namespace grainclock::core {
 namespace {
 
+constexpr double kLargest = 1e30;                            // number of a scene or study
+constexpr int kDeepest = 32;                                 // names in one dotted key
+
 /// The value for a message: on one line, and not too long.
 std::string text_of(const toml::node& node) {
   std::string text = toml_text(node);
-  constexpr std::size_t kLongest = 80;
   std::replace(text.begin(), text.end(), '\n', ' ');
-  return text.size() > kLongest ? text.substr(0, kLongest) + "..." : text;
+  return excerpt(text);
+}
+
+/// toml++ 3.3 makes a table within a table of every name in a dotted key, and takes such a nest down by recursion: a key of
+/// ten thousand names overflows the stack. (Values within values it limits itself.)
+void require_flat(std::string_view text, const std::string& source) {
+  int line = 1, points = 0;
+  for (const char letter : text) {
+    if (letter == '.') ++points;
+    if (std::string_view(",=[]{}\n").find(letter) != std::string_view::npos) points = 0;
+    if (letter == '\n') ++line;
+    GC_REQUIRE(points < kDeepest, "{}:{}: more than {} points in one key or text: write fewer", source, line, kDeepest);
+  }
 }
 
 std::string key_text(std::string_view key) {
@@ -45,6 +61,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 /// The known word closest in spelling; empty if none is near.
 std::string_view closest(std::string_view word, const std::set<std::string, std::less<>>& words) {
   std::string_view best;
+  if (word.size() > 80) return best;
   std::size_t least = word.size() / 2 + 1;
   for (const std::string& candidate : words) {
     const std::size_t distance = edit_distance(word, candidate);
@@ -57,6 +74,19 @@ std::string_view closest(std::string_view word, const std::set<std::string, std:
 }
 
 }  // namespace
+
+toml::table parse_toml(std::string_view text, const std::string& source) {
+  GC_REQUIRE(text.size() <= kMostToml, "{}: is {} bytes long; a scene or study has at most {}", source, text.size(), kMostToml);
+  require_flat(text, source);
+  try {
+    return toml::parse(text, source);
+  } catch (const toml::parse_error& error) {
+    throw InputError(fmt::format("{}:{}:{}: this is not TOML: {}", source, error.source().begin.line, error.source().begin.column,
+                                 error.description()));
+  }
+}
+
+toml::table parse_toml_file(const std::string& path) { return parse_toml(read_text(path, kMostToml), path); }
 
 std::string toml_text(double value) {
   std::string text = fmt::format("{}", value);
@@ -124,12 +154,15 @@ std::optional<double> TomlKeys::number(std::string_view key) {
   if (!node->is_number()) fail(key, "must be a number");
   const double value = *node->value<double>();
   require(std::isfinite(value), key, "must be finite");
+  // Far beyond any silo in SI units, and near enough that products of a few such numbers stay finite.
+  require(std::abs(value) <= kLargest, key, fmt::format("must be at most {:g} in size, in SI units", kLargest));
   return value;
 }
 
 std::optional<double> TomlKeys::positive(std::string_view key, std::string_view unit) {
   const auto value = number(key);
   require(!value || *value > 0.0, key, fmt::format("must be above 0 {}", unit));
+  require(!value || *value >= 1.0 / kLargest, key, fmt::format("must be at least {:g} {}", 1.0 / kLargest, unit));
   return value;
 }
 
@@ -166,6 +199,7 @@ std::optional<Vec3> TomlKeys::vec3(std::string_view key) {
     value[static_cast<Eigen::Index>(axis)] = *item.value<double>();
   }
   require(value.allFinite(), key, "must be finite");
+  require(value.cwiseAbs().maxCoeff() <= kLargest, key, fmt::format("must be at most {:g} in size, in SI units", kLargest));
   return value;
 }
 
@@ -207,7 +241,7 @@ void TomlKeys::finish() const {
   for (const auto& [key, node] : *table_) {
     if (known_.contains(key.str())) continue;
     const std::string_view near = closest(key.str(), known_);
-    throw InputError(fmt::format("{}: unknown key `{}`{}; known keys: {}{}", where(key.str()), key.str(),
+    throw InputError(fmt::format("{}: unknown key `{}`{}; known keys: {}{}", where(key.str()), excerpt(key.str()),
                                  name_.empty() ? " at the top level" : " in " + name_, fmt::join(known_, ", "),
                                  near.empty() ? "" : fmt::format("; did you mean `{}`?", near)));
   }

@@ -62,6 +62,14 @@ class TomlKeys {
   std::set<std::string, std::less<>> known_;
 };
 
+inline constexpr std::uint64_t kMostToml = std::uint64_t{1} << 20;  // bytes of a scene or study
+
+/// A TOML text; `source` is its file as the user wrote it, for messages. Throws InputError "file:line:column: ..." where it
+/// is not TOML, or nested or long beyond what a scene or study can mean.
+toml::table parse_toml(std::string_view text, const std::string& source);
+/// The same of a file. Throws FileError too.
+toml::table parse_toml_file(const std::string& path);
+
 /// The shortest TOML that reads back to the same value, bit for bit, on one line (tables inline).
 std::string toml_text(double value);
 std::string toml_text(const toml::node& node);

@@ -118,6 +118,21 @@ double measured_pace(const core::State& state, const StepperSetup& setup) {
   return elapsed / (static_cast<double>(steps) * stepper->step());
 }
 
+/// Values that are possible but look like other units than SI.
+void add_unit_hints(Report& report, const core::State& state, const StepperSetup& setup, const MeanBall& mean) {
+  const auto hint = [&](bool is_odd, const std::string& what, const char* units) {
+    if (is_odd) report.warn(fmt::format("{}: is that in {}? Everything is in SI units", what, units));
+  };
+  double speed = 0.0;
+  for (const core::Vec3& v : state.velocity) speed = std::max(speed, v.norm());
+  const Materials& m = setup.materials;
+  hint(mean.radius > 10.0 || mean.radius < 1e-5, fmt::format("the balls' mean radius is {:.3g} m", mean.radius), "m");
+  hint(m.density < 10.0 || m.density > 30000.0, fmt::format("the density is {:.3g} kg/m3", m.density), "kg/m3, not t/m3 or g/cm3");
+  hint(setup.gravity.norm() > 100.0, fmt::format("gravity is {:.3g} m/s2", setup.gravity.norm()), "m/s2");
+  hint(speed > 300.0, fmt::format("the fastest ball has {:.3g} m/s", speed), "m/s");
+  hint(m.ball.k < 100.0 || m.wall.k < 100.0, fmt::format("the stiffnesses are {:.3g} and {:.3g} N/m", m.ball.k, m.wall.k), "N/m, not kN/mm");
+}
+
 }  // namespace
 
 Report phase_report(const Phase& phase, const core::State& state, const StepperSetup& setup) {
@@ -129,6 +144,7 @@ Report phase_report(const Phase& phase, const core::State& state, const StepperS
   report.add("duration", phase.until == core::Until::duration ? "duration" : "duration at most", phase.duration, "s");
   report.add("outlet", "outlet", std::string(phase.outlet_open ? "open" : "closed"));
   if (mean.mass > 0.0) {
+    add_unit_hints(report, state, setup, mean);
     add_pair(report, "ball_contact", "two mean balls", setup.materials.ball, 0.5 * mean.mass, *setup.stepping.step, setup);
     if (has_fixed(state))
       add_pair(report, "wall_contact", "a mean ball at the wall", setup.materials.wall, mean.mass, *setup.stepping.step, setup);

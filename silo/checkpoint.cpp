@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <bit>
 #include <charconv>
+#include <cmath>
 
 namespace grainclock::silo {
 namespace {
@@ -84,6 +85,21 @@ std::int64_t number_of(const fs::path& path) {
   return path.extension() == ".h5" && trouble == std::errc() && end == stem.data() + stem.size() ? number : -1;
 }
 
+/// Throws FileError for a position that no run can have.
+void require_possible(const Position& position, const Hdf5Group& group) {
+  each_field(position, [&]<class T>(const char* name, const T& value) {
+    if constexpr (std::is_same_v<T, Vec3>) {
+      if (!value.allFinite()) group.fail(name, "must be finite");
+    } else if constexpr (std::is_same_v<T, double>) {
+      if (!std::isfinite(value)) group.fail(name, fmt::format("is {}; must be finite", value));
+    } else if constexpr (std::is_same_v<T, std::int64_t>) {
+      if (value < -1) group.fail(name, fmt::format("is {}; must not be negative", value));  // some have -1 for none
+    }
+  });
+  if (position.phase < 0 || position.steps < 0 || position.frames < 0) group.fail("", "phase, steps and frames must not be negative");
+  if (!(position.step > 0.0)) group.fail("step", fmt::format("is {} s; must be above 0", position.step));
+}
+
 }  // namespace
 
 std::string write_checkpoint(const fs::path& directory, const Checkpoint& checkpoint) {
@@ -119,13 +135,11 @@ Checkpoint read_checkpoint(const fs::path& path) {
       if (values.size() != 3) group.fail(name, "must have three numbers");
       value = Vec3(values.data());
     } else {
-      const auto values = group.read<T>(name);
-      if (values.size() != 1) group.fail(name, "must be one number");
-      value = values[0];
+      value = group.read_one<T>(name);
     }
   });
-  const auto stored = group.read<std::uint64_t>(kChecksum);
-  if (stored.size() != 1 || stored[0] != checksum(checkpoint.position)) group.fail(kChecksum, "does not match: the file is damaged");
+  if (group.read_one<std::uint64_t>(kChecksum) != checksum(checkpoint.position)) group.fail(kChecksum, "does not match: the file is damaged");
+  require_possible(checkpoint.position, group);
   return checkpoint;
 }
 

@@ -99,8 +99,8 @@ Silo build_silo(const SiloShape& shape, std::uint64_t seed) {
     constexpr double kTaller = 10.0;  // m
     SiloShape taller = shape;
     taller.collar += kTaller;
-    const auto per_metre = static_cast<double>(std::ssize(Lattice(taller, seed).points(std::numeric_limits<std::int64_t>::max())) -
-                                               std::ssize(points)) / kTaller;
+    const std::int64_t enough = 10 * shape.balls + 100000;  // for the estimate, where small balls in a wide silo are many
+    const auto per_metre = static_cast<double>(std::ssize(Lattice(taller, seed).points(enough)) - std::ssize(points)) / kTaller;
     const auto missing = static_cast<double>(shape.balls - std::ssize(points));
     const std::string remedy =
         per_metre > 0.0 ? fmt::format("give collar = {:.1f} (m, there only while filling), or fewer balls",

@@ -32,6 +32,13 @@ void read_contact(const toml::table& table, Materials& materials) {
   throw FileError(fmt::format("the scene that is kept in the run has {}: its file is damaged", what));
 }
 
+void require_possible(const Materials& m) {
+  const auto is_spring = [](double k) { return std::isfinite(k) && k > 0.0; };
+  const auto is_other = [](double c) { return std::isfinite(c) && c >= 0.0; };
+  if (!is_spring(m.density) || !is_spring(m.ball.k) || !is_spring(m.wall.k) || !is_other(m.ball.c) || !is_other(m.wall.c) || !is_other(m.cohesion))
+    fail("a density, spring, dashpot or cohesion that cannot be");
+}
+
 /// How far apart two lists are, relative to their size: from 0 for equal ones to 1.
 double difference(const std::vector<double>& a, const std::vector<double>& b) {
   if (a.size() != b.size()) return 1.0;
@@ -52,6 +59,7 @@ std::vector<PhaseLaw> phase_laws(const toml::table& scene) {
   Materials materials;
   read(*material, "density", materials.density);
   read_contact(*contact, materials);
+  require_possible(materials);
 
   std::vector<PhaseLaw> laws;
   double earliest = 0.0, latest = 0.0;
@@ -62,6 +70,7 @@ std::vector<PhaseLaw> phase_laws(const toml::table& scene) {
     if (!duration && !longest) fail("a phase without duration");
     PhaseLaw law{materials, phase["outlet"].value_or(std::string()) == "open", earliest, 0.0};
     if (const toml::table* own = phase["contact"].as_table()) read_contact(*own, law.materials);
+    require_possible(law.materials);
     latest += duration ? *duration : *longest;
     earliest += duration.value_or(0.0);
     law.latest = latest;

@@ -1,6 +1,7 @@
 #include "silo/geometry.hpp"
 
 #include "core/check.hpp"
+#include "core/state.hpp"
 #include "silo/random.hpp"
 
 #include <algorithm>
@@ -149,6 +150,7 @@ SiloShape parse_silo(core::TomlKeys keys) {
   shape.half_outlet = 0.5 * keys.positive("outlet", "m").value_or(2.0 * shape.half_outlet);
   shape.balls = keys.integer("balls").value_or(shape.balls);
   keys.require(shape.balls >= 1, "balls", "must be at least 1");
+  core::require_room(static_cast<double>(shape.balls), keys.where("balls") + ": [silo] balls");
   shape.r_min = keys.positive("r_min", "m").value_or(shape.r_min);
   shape.r_max = keys.positive("r_max", "m").value_or(shape.r_max);
   shape.surface = keys.choice("surface", {"centres", "inner"}).value_or("centres") == "inner" ? Surface::inner : Surface::centres;
@@ -168,7 +170,9 @@ SiloShape parse_silo(core::TomlKeys keys) {
   try {
     build_walls(shape, 0);
   } catch (const core::InputError& error) {
-    keys.fail(keys.has("coverage") ? "coverage" : width, error.what());
+    for (const std::string_view key : {std::string_view("coverage"), std::string_view("height"), std::string_view("collar"), width})
+      if (keys.has(key)) keys.fail(key, error.what());
+    throw core::InputError(fmt::format("{}: {}", shape.where, error.what()));
   }
   return shape;
 }
@@ -190,6 +194,8 @@ Walls build_walls(const SiloShape& shape, std::uint64_t seed) {
   const double spread = shape.r_max - shape.r_min;
   const double mean_square = diameter * diameter + spread * spread / 3.0;  // of 2 r, uniform radii
   const double wanted = shape.coverage * area(shape.section, centres) / mean_square;
+  const double more = factor * centres.rim.half_width * shape.collar + area_factor(shape.section) * std::pow(centres.outlet.half_width, 2);
+  core::require_room(wanted + more / mean_square, "the wall, the plug and the collar");
 
   // The most rings, from edge to rim, that leave enough balls for kRingSpacing or less in each.
   const auto ring_lengths = [&](std::int64_t rings) {
@@ -198,9 +204,13 @@ Walls build_walls(const SiloShape& shape, std::uint64_t seed) {
       sum += factor * centres.at(static_cast<double>(i) * centres.length() / static_cast<double>(rings - 1)).half_width;
     return sum;
   };
-  std::int64_t rings = 2;
   const double longest = kRingSpacing * diameter * wanted;
-  while (ring_lengths(rings + 1) <= longest) ++rings;
+  std::int64_t rings = 2, beyond = 3;
+  while (ring_lengths(beyond) <= longest) rings = std::exchange(beyond, 2 * beyond);
+  while (beyond - rings > 1) {
+    const std::int64_t middle = rings + (beyond - rings) / 2;
+    (ring_lengths(middle) <= longest ? rings : beyond) = middle;
+  }
   const double pitch = centres.length() / static_cast<double>(rings - 1);
   const double spacing = ring_lengths(rings) / wanted;
 

@@ -32,7 +32,7 @@ class Reader {
     ++number_;
     words_.clear();
     const std::string_view content = line_.substr(0, line_.find('#'));
-    for (std::size_t at = content.find_first_not_of(" \t\r"); at != std::string_view::npos;) {
+    for (std::size_t at = content.find_first_not_of(" \t\r"); at != std::string_view::npos && words_.size() < kMostWords;) {
       const std::size_t stop = std::min(content.find_first_of(" \t\r", at), content.size());
       words_.push_back(content.substr(at, stop - at));
       at = content.find_first_not_of(" \t\r", stop);
@@ -47,7 +47,7 @@ class Reader {
   std::string_view line() const { return line_; }
   const std::vector<std::string_view>& words() const { return words_; }
 
-  [[noreturn]] void fail(const std::string& what) const { throw InputError(fmt::format("{}:{}: `{}`: {}", path_, number_, line_.substr(0, 120), what)); }
+  [[noreturn]] void fail(const std::string& what) const { throw InputError(fmt::format("{}:{}: `{}`: {}", path_, number_, core::excerpt(line_), what)); }
   void require(bool condition, const std::string& what) const {
     if (!condition) fail(what);
   }
@@ -59,16 +59,23 @@ class Reader {
     const auto [end, trouble] = std::from_chars(text.data(), text.data() + text.size(), value);
     bool is_good = trouble == std::errc() && end == text.data() + text.size();
     if constexpr (std::is_same_v<T, double>) is_good = is_good && std::isfinite(value);
-    if (!is_good) fail(fmt::format("`{}` must be a {}", text, std::is_same_v<T, double> ? "finite number" : "whole number"));
+    if (!is_good) fail(fmt::format("`{}` must be a {}", core::excerpt(text), std::is_same_v<T, double> ? "finite number" : "whole number"));
     return value;
   }
 
  private:
+  static constexpr std::size_t kMostWords = 1000;  // of a line; a dump has a few dozen columns
+
   const std::string& path_;
   std::string_view text_, line_;
   std::size_t from_ = 0, number_ = 0;
   std::vector<std::string_view> words_;
 };
+
+/// Throws InputError if the file says that its numbers are in other units than ours.
+void require_si(const Reader& in, std::string_view units) {
+  in.require(units == "si", fmt::format("the units are `{}`; lengths, speeds and times must be in SI units (LAMMPS: units si)", core::excerpt(units)));
+}
 
 struct Atom {
   core::BallId id;
@@ -83,7 +90,7 @@ core::Kind kind_of(const Reader& in, std::int64_t type) {
 }
 
 core::BallId id_of(const Reader& in, std::int64_t lammps_id) {
-  in.require(lammps_id >= 1, fmt::format("id {} must be at least 1", lammps_id));
+  in.require(lammps_id >= 1 && lammps_id <= core::kLargestId + 1, fmt::format("id {} must be from 1 to {}", lammps_id, core::kLargestId + 1));
   return lammps_id - 1;
 }
 
@@ -101,8 +108,14 @@ State read_data(const std::string& path, const std::string& text) {
   Reader in(path, text);
   in.demand("the title");
   double time = 0.0;
-  if (const std::size_t at = in.line().find("time "); at != std::string_view::npos) {
-    const std::string_view rest = in.line().substr(at + 5);
+  const auto& title = in.words();
+  for (auto word = std::find(title.begin(), title.end(), "units"); word != title.end();) {
+    if (++word == title.end() || *word == "=") continue;
+    require_si(in, word->substr(0, word->find(',')));
+    break;
+  }
+  if (const std::size_t at = in.line().find(" time "); at != std::string_view::npos) {
+    const std::string_view rest = in.line().substr(at + 6);
     std::from_chars(rest.data(), rest.data() + rest.size(), time);
   }
   std::int64_t count = -1;
@@ -118,6 +131,7 @@ State read_data(const std::string& path, const std::string& text) {
     in.require(!is_atoms || comment == std::string_view::npos || in.line().find("sphere", comment) != std::string_view::npos,
                "only atom_style sphere has radii; write the data with it");
     in.demand("an empty line");
+    in.require(in.words().empty(), "an empty line must stand between a section's name and its first line");
     for (std::int64_t k = 0; k < count; ++k) {
       in.demand(is_atoms ? "an atom" : "a velocity");
       const std::int64_t id = in.number<std::int64_t>(0);
@@ -171,7 +185,10 @@ State read_dump(const std::string& path, const std::string& text) {
   while (in.next()) {
     const auto& words = in.words();
     if (words.size() < 2 || words[0] != "ITEM:") continue;
-    if (words[1] == "TIME") {
+    if (words[1] == "UNITS") {
+      in.demand("the units");
+      require_si(in, in.words().empty() ? std::string_view() : in.words()[0]);
+    } else if (words[1] == "TIME") {
       in.demand("the time");
       time = in.number<double>(0);
     } else if (words[1] == "NUMBER") {
@@ -197,7 +214,8 @@ State read_dump(const std::string& path, const std::string& text) {
 State import_file(const std::string& path) {
   const std::string text = core::read_text(path);
   const std::string_view first = std::string_view(text).substr(0, text.find('\n'));
-  if (first.starts_with("id,")) return core::read_csv(path);
+  GC_REQUIRE(!text.empty(), "{}: is empty; give a CSV state, LAMMPS data or a LAMMPS dump", path);
+  if (first.starts_with("id,") || path.ends_with(".csv")) return core::read_csv(path);
   State state = first.starts_with("ITEM:") ? read_dump(path, text) : read_data(path, text);
   validate(state, path);
   return state;

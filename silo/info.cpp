@@ -54,9 +54,9 @@ void add_provenance(Report& report, const core::Hdf5Group& group) {
   Report provenance;
   for (const std::string& name : group.names()) {
     if (name == "threads")
-      provenance.add(name, name, group.read<std::int64_t>(name).at(0));
+      provenance.add(name, name, group.read_one<std::int64_t>(name));
     else if (name == "seed")
-      provenance.add(name, name, static_cast<std::int64_t>(group.read<std::uint64_t>(name).at(0)));
+      provenance.add(name, name, static_cast<std::int64_t>(group.read_one<std::uint64_t>(name)));
     else if (const std::string text = group.read_text(name); text.find('\n') == std::string::npos)
       provenance.add(name, name, text);
     else

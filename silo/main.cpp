@@ -17,6 +17,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <map>
@@ -62,6 +63,14 @@ void study_call(const Options& o) {
   o.study.collect ? benchmarks::collect_study(call) : benchmarks::run_study(call);
 }
 
+/// CLI11's ranges let nan pass.
+const CLI::Validator kFinite(
+    [](const std::string& text) {
+      double value = 0.0;
+      return CLI::detail::lexical_cast(text, value) && std::isfinite(value) ? std::string() : "must be a finite number, not " + text;
+    },
+    "");
+
 CLI::App* command(CLI::App& app, const char* name, const char* text, std::function<void()> call) {
   CLI::App* sub = app.add_subcommand(name, text);
   sub->callback(std::move(call));
@@ -72,7 +81,7 @@ void add_threads(CLI::App* sub, Options& o) {
   sub->add_option("--threads", o.run.threads, "Threads; results are the same for any number")->check(CLI::Range(1, 1024))->capture_default_str();
 }
 void add_checkpoints(CLI::App* sub, Options& o) {
-  sub->add_option("--checkpoint-every", o.run.checkpoint_every, "Wall-clock seconds between checkpoints")->check(CLI::NonNegativeNumber)->capture_default_str();
+  sub->add_option("--checkpoint-every", o.run.checkpoint_every, "Wall-clock seconds between checkpoints")->check(kFinite & CLI::NonNegativeNumber)->capture_default_str();
 }
 void add_set(CLI::App* sub, Options& o) {
   sub->add_option("--set", o.overrides, "key=value: overrides a key of the scene, as in stepping.step=1e-5 or phase.0.outlet=open")
@@ -117,7 +126,7 @@ void add_commands(CLI::App& app, Options& o) {
                           [&o] { print(benchmarks::compare(o.file, o.second, o.compared), o.json); });
   compare->add_option("A", o.file, "Run or state")->required();
   compare->add_option("B", o.second, "Run or state that A is measured against")->required();
-  compare->add_option("--at", o.compared.at, "Time in s (default: the last that both have)");
+  compare->add_option("--at", o.compared.at, "Time in s (default: the last that both have)")->check(kFinite);
   compare->add_option("--start", o.compared.start, "State that both began with (default: the first frame of B)");
   add_json(compare, o);
 
@@ -134,7 +143,7 @@ void add_commands(CLI::App& app, Options& o) {
       ->required()
       ->transform(CLI::CheckedTransformer(formats));
   exported->add_option("--output", o.exported.output, "File to write; for paraview a new directory")->required();
-  exported->add_option("--at", o.exported.at, "Time in s (default: the last frame; for paraview every frame)");
+  exported->add_option("--at", o.exported.at, "Time in s (default: the last frame; for paraview every frame)")->check(kFinite);
   exported->add_flag("--all", o.exported.all, "Every frame of the run (vtk, lammps-dump; paraview does it anyway)");
 
   auto* measure = command(app, "measure", "Densities, forces, arches, flow and pressures of a run's frames, into one file of series",
@@ -142,7 +151,7 @@ void add_commands(CLI::App& app, Options& o) {
   measure->add_option("RUN", o.file, "Run: its directory, or run.h5 there")->required();
   measure->add_option("--output", o.measured.output, "File to write (default: measures.h5 beside the run)");
   measure->add_option("--silo", o.measured.silo, "Scene with the [silo] of the wall, where the run's own scene has none");
-  measure->add_option("--every", o.measured.every, "Least time between measured frames in s (default: all frames)")->check(CLI::PositiveNumber);
+  measure->add_option("--every", o.measured.every, "Least time between measured frames in s (default: all frames)")->check(kFinite & CLI::PositiveNumber);
   measure->add_option("--threads", o.measured.threads, "Frames at once")->check(CLI::Range(1, 1024))->capture_default_str();
 
   auto* import = command(app, "import", "Turn a CSV, LAMMPS data or LAMMPS dump file into a state",
@@ -188,6 +197,8 @@ int main(int argc, char** argv) {
     return report(error.what(), ExitCode::file_trouble);
   } catch (const std::bad_alloc&) {
     return report("there is not enough memory; take fewer balls", ExitCode::numerics_failed);
+  } catch (const std::exception& error) {
+    return report(fmt::format("an error that should have been found earlier, please report it: {}", error.what()), ExitCode::numerics_failed);
   }
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0)
     return report("standard output could not be written in full; the files are complete", ExitCode::file_trouble);

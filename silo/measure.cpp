@@ -163,6 +163,7 @@ class MeasureProgress {
 
 void measure_run(const std::string& path, const MeasureOptions& options) {
   const RunReader run(path);
+  GC_REQUIRE(run.frames() > 0, "{}: holds no frames yet", path);
   const std::filesystem::path output = output_of(path, options);
   const ContactFinder finder(run);
   const MeasuredSilo silo = silo_of(run, path, options);

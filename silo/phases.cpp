@@ -1,7 +1,9 @@
 #include "silo/phases.hpp"
 
+#include "core/balls.hpp"
 #include "core/check.hpp"
 #include "core/critical_step.hpp"
+#include "core/neighbours.hpp"
 #include "core/snapshot.hpp"
 #include "multirate/cost_model.hpp"
 #include "multirate/stepper.hpp"
@@ -19,6 +21,28 @@ using core::State;
 using core::StepperSetup;
 using core::Until;
 
+namespace {
+
+/// Throws InputError for content that overlaps others so much that no stepper would take the first step.
+void require_apart(const State& state, bool outlet_open, std::string_view source) {
+  if (state.count(Kind::content) == 0) return;
+  core::Balls balls(state, core::Materials{}, !outlet_open);
+  core::NeighbourList list(0.0, {1e-3 * balls.mean_diameter, 0.0, 0.0}, 1);  // nothing moves: any small skin will do
+  list.build(balls);
+  for (const core::PairList* pairs : {&list.ball_pairs(), &list.fixed_pairs()})
+    for (std::size_t p = 0; p < pairs->count; ++p) {
+      const core::BallRow &a = balls.rows[pairs->i[p]], &b = balls.rows[pairs->j[p]];
+      const double overlap = a.r + b.r - std::hypot(a.x - b.x, a.y - b.y, a.z - b.z);
+      GC_REQUIRE(overlap <= core::kLargestOverlap * (a.r + b.r),
+                 "{}: ball {} overlaps {} ball {} by {:.4g} m of {:.4g} m, the sum of their radii: move them apart, to at most {:.4g} m, "
+                 "or see whether all lengths are in m",
+                 source, balls.id_of(pairs->i[p]), name(balls.kind_of(pairs->j[p])), balls.id_of(pairs->j[p]), overlap, a.r + b.r,
+                 core::kLargestOverlap * (a.r + b.r));
+    }
+}
+
+}  // namespace
+
 Start start_of(const Scene& scene) {
   Start start;
   if (scene.has_silo) {
@@ -30,6 +54,8 @@ Start start_of(const Scene& scene) {
   }
   const std::string source = scene.has_silo ? scene.path : scene.initial_state;
   validate(start.state, source);
+  const bool is_open = !scene.phases.empty() && scene.phases.front().outlet_open;
+  require_apart(start.state, is_open, source);
   GC_REQUIRE(start.state.count(Kind::content) > 0, "{}: the initial state has no content balls; nothing would move", source);
   return start;
 }
@@ -53,6 +79,11 @@ StepperSetup phase_setup(const Scene& scene, const Phase& phase, const State& st
   setup.outlet_open = phase.outlet_open;
   setup.first_impact = phase.first_impact;
   setup.threads = threads;
+  const double reach = setup.materials.reach(), radius = mean_ball(state, setup.materials).radius;
+  GC_REQUIRE(radius == 0.0 || reach <= radius,
+             "{}: phase \"{}\": a cohesion of {:g} N pulls over gaps of {:.3g} m (cohesion over k), more than the mean radius of {:.3g} m: "
+             "lower cohesion, or raise k",
+             scene.path, core::excerpt(phase.name), setup.materials.cohesion, reach, radius);
   double wanted = phase.stepping.step ? *phase.stepping.step : multirate::default_step(state, setup);
   if (!std::isfinite(wanted)) {  // no contacts yet, as before a filling: the stiffest contact to come tells
     constexpr double kSafety = 0.7;
@@ -60,7 +91,11 @@ StepperSetup phase_setup(const Scene& scene, const Phase& phase, const State& st
     wanted = kSafety * std::min(core::critical_step_of_pair(setup.materials.ball, 2.0 / mass, phase.stepping),
                                 core::critical_step_of_pair(setup.materials.wall, 1.0 / mass, phase.stepping));
   }
-  setup.stepping.step = core::step_for(phase.every, wanted).step;
+  const core::StepCount steps = core::step_for(phase.every, wanted);
+  constexpr double kMostSteps = 9e15;  // counted in doubles too
+  GC_REQUIRE(phase.duration / steps.step <= kMostSteps, "{}: phase \"{}\" takes {:.3g} steps of {:.3g} s: take a larger step", scene.path,
+             core::excerpt(phase.name), phase.duration / steps.step, steps.step);
+  setup.stepping.step = steps.step;
   if (setup.stepping.method == core::Method::multirate && setup.stepping.fallback) {
     const multirate::Prediction prediction = multirate::predict(state, setup);
     if (!pays(prediction)) {

@@ -3,10 +3,12 @@
 #include "core/check.hpp"
 #include "core/files.hpp"
 #include "core/snapshot.hpp"
+#include "core/toml_keys.hpp"
 #include "silo/provenance.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <unordered_map>
 
@@ -285,6 +287,8 @@ RunReader::RunReader(const fs::path& path)
   for (const double time : times_)
     if (!std::isfinite(time))
       throw FileError(fmt::format("{}: frames are missing: the directory `{}` must stand beside it, whole", path_, kSegments));
+  if (std::adjacent_find(times_.begin(), times_.end(), std::greater_equal<>()) != times_.end())
+    file_.fail("particles/content/position/time", "does not increase: it is damaged");
 }
 
 std::int64_t RunReader::step(std::int64_t frame) const {
@@ -306,12 +310,21 @@ State RunReader::state(std::int64_t frame) const {
   const auto row = static_cast<std::uint64_t>(frame);
   const auto id = content.read<std::int64_t>("id"), wall_id = wall.read<std::int64_t>("id");
   const auto radius = content.read<double>("radius"), wall_radius = wall.read<double>("radius");
+  // What one row may have is known before it is read.
+  const std::uint64_t frames = times_.size(), balls = id.size();
+  const auto require_shape = [&](const char* name, const Hdf5Group::Shape& wanted) {
+    if (content.shape(name) != wanted) content.fail(name, fmt::format("has another shape than {} frames of {} balls: it is damaged", frames, balls));
+  };
+  require_shape("position/value", {frames, balls, 3});
+  require_shape("velocity/value", {frames, balls, 3});
+  require_shape("level/value", {frames, balls});
   const auto position = content.read_rows<double>("position/value", row, 1), velocity = content.read_rows<double>("velocity/value", row, 1);
   const auto level = content.read_rows<std::uint8_t>("level/value", row, 1), kind = wall.read<std::uint8_t>("kind");
   const auto wall_position = wall.read_vectors("position");
-  if (position.size() != 3 * id.size() || velocity.size() != position.size() || level.size() != id.size() || radius.size() != id.size() ||
-      kind.size() != wall_id.size() || wall_radius.size() != wall_id.size() || wall_position.size() != wall_id.size())
+  if (radius.size() != balls || kind.size() != wall_id.size() || wall_radius.size() != wall_id.size() || wall_position.size() != wall_id.size())
     throw FileError(fmt::format("{}: its arrays have different lengths: it is damaged", path_));
+  if (std::any_of(kind.begin(), kind.end(), [](std::uint8_t its) { return its != 1 && its != 2; }))
+    wall.fail("kind", "must be 1 wall or 2 plug: it is damaged");
 
   State state;
   state.time = times_.at(static_cast<std::size_t>(frame));
@@ -353,9 +366,9 @@ std::optional<Recorded> RunReader::series(const std::string& name) const {
 
 toml::table RunReader::scene() const {
   try {
-    return toml::parse(file_.read_text("provenance/scene"));
-  } catch (const toml::parse_error& error) {
-    file_.fail("provenance/scene", fmt::format("is not TOML, so it is damaged: {}", error.description()));
+    return core::parse_toml(file_.read_text("provenance/scene"), "line");
+  } catch (const InputError& error) {
+    file_.fail("provenance/scene", fmt::format("is damaged: {}", error.what()));
   }
 }
 

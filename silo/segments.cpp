@@ -99,6 +99,7 @@ std::vector<Segments::Segment> Segments::found() const {
     const std::string file = entry.path().filename().string(), prefix = name_ + "-";
     Segment segment{};
     if (!file.starts_with(prefix) || std::sscanf(file.c_str() + prefix.size(), "%ld-%ld.h5", &segment.first, &segment.end) != 2) continue;
+    if (segment.end <= segment.first) continue;
     if (entry.path() == path_of(segment)) found.push_back(segment);
   }
   std::sort(found.begin(), found.end(), [](const Segment& a, const Segment& b) {

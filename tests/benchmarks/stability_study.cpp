@@ -231,7 +231,7 @@ TEST_F(StabilityStudyFiles, ComplaintsNamePlaceValueAndRemedy) {
     for (const std::string& word : c.words)
       EXPECT_NE(message.find(word), std::string::npos) << c.to << ": " << message << " lacks " << word;
   }
-  EXPECT_NE(complaint("kind = \n").find("not valid TOML"), std::string::npos);
+  EXPECT_NE(complaint("kind = \n").find("not TOML"), std::string::npos);
 }
 
 TEST_F(StabilityStudyFiles, PackingsAreCheckedWhenTheStudyIsRead) {

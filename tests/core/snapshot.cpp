@@ -21,7 +21,7 @@ State some_state() {
   state.time = 1.0 / 3.0;
   state.add(3, Kind::content, Vec3(0.1, -2.0 / 3.0, 1e-300), Vec3(std::sqrt(2.0), -0.0, 5e-324), 0.22);
   state.add(5, Kind::wall, Vec3(1.0, 2.0, 3.0), Vec3::Zero(), 1.0 / 7.0);
-  state.add(9, Kind::plug, Vec3(-1e22, 0.3, 0.7), Vec3::Zero(), std::nextafter(0.22, 1.0));
+  state.add(9, Kind::plug, Vec3(-1e9 / 7.0, 0.3, 0.7), Vec3::Zero(), std::nextafter(0.22, 1.0));
   return state;
 }
 
@@ -141,7 +141,7 @@ TEST(Snapshot, CsvErrorsNameLineColumnValueAndRemedy) {
       {"2,content,1,2,1e999,0,0,0,0.2", ":3:15: `1e999`: must be a finite number"},
       {"2,ball,1,2,3,0,0,0,0.2", ":3:3: `ball`: must be content, wall or plug"},
       {"2,content,1,2,3,0,0,0,0", ":3:23: `0`: must be above 0 m"},
-      {"2,content,1,2,3,0,0,0", ":3: 8 values; a line has 9"},
+      {"2,content,1,2,3,0,0,0", ":3: `2,content,1,2,3,0,0,0`: 8 values; a line has 9"},
       {"1,content,1,2,3,0,0,0,0.2", ":3:1: `1`: must be above the id before it, 1"},
       {"1.5,content,1,2,3,0,0,0,0.2", ":3:1: `1.5`: must be a whole number"},
       {"2,wall,1,2,3,0,-1,0,0.2", ":3:16: `-1`: must be 0"},
