@@ -1,5 +1,10 @@
 #include "core/kernels.hpp"
 
+#include "core/check.hpp"
+
+#include <cstdlib>
+#include <string_view>
+
 namespace grainclock::core {
 
 extern const Kernels kernels_portable;
@@ -23,9 +28,25 @@ std::vector<const Kernels*> runnable_kernels() {
   return sets;
 }
 
+namespace {
+
+const Kernels& chosen_kernels() {
+  const auto runnable = runnable_kernels();
+  const char* const wanted = std::getenv("GRAINCLOCK_KERNELS");
+  if (!wanted || !*wanted) return *runnable.back();
+  std::string names;
+  for (const Kernels* set : runnable) {
+    if (std::string_view(set->name) == wanted) return *set;
+    names += fmt::format("{}{}", names.empty() ? "" : ", ", set->name);
+  }
+  throw InputError(fmt::format("GRAINCLOCK_KERNELS={}: this processor runs {}; unset the variable for the best of them", wanted, names));
+}
+
+}  // namespace
+
 const Kernels& kernels() {
-  static const Kernels& best = *runnable_kernels().back();
-  return best;
+  static const Kernels& chosen = chosen_kernels();
+  return chosen;
 }
 
 SweepTotals& SweepTotals::operator+=(const SweepTotals& other) {

@@ -157,7 +157,8 @@ struct Kernels {
   void (*find_pairs)(const CubedSpheres&, PairSearch&);
 };
 
-/// The best set this processor runs.
+/// The set named by the environment's GRAINCLOCK_KERNELS (portable, avx2 or avx512); without it the best that this processor
+/// runs. Throws InputError for a set that it does not run.
 const Kernels& kernels();
 /// All sets this processor runs, the portable one first (for tests).
 std::vector<const Kernels*> runnable_kernels();

@@ -14,6 +14,7 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <sstream>
 
 namespace grainclock::silo {
 namespace {
@@ -76,6 +77,25 @@ void export_all(const RunReader& run, const ExportOptions& options) {
   core::write_text(options.output, pvd_text(files));
 }
 
+/// The scene that repeats a run, from nothing but the run's file.
+void export_scene(const RunReader& run, const fs::path& directory) {
+  std::error_code trouble;
+  GC_REQUIRE(!fs::exists(directory) || (fs::is_directory(directory) && fs::is_empty(directory)),
+             "--output {}: exists and is not an empty directory; give a new one", directory.string());
+  toml::table scene = run.scene();
+  fs::create_directories(directory, trouble);
+  if (trouble) throw core::FileError(fmt::format("{}: cannot be created: {}", directory.string(), trouble.message()));
+  if (toml::table* const initial = scene["initial"].as_table()) {
+    State start = run.state(0);
+    start.level.clear();
+    core::write_state((directory / "start.h5").string(), start);
+    initial->insert_or_assign("state", "start.h5");
+  }
+  std::ostringstream text;
+  text << scene << '\n';
+  core::write_text(directory / "scene.toml", text.str());
+}
+
 void require_extension(const std::string& output, const std::string& wanted, const char* what) {
   const std::string extension = fs::path(output).extension().string();
   GC_REQUIRE(extension == wanted, "--output {}: {} goes into a file that ends with {}, not `{}`", output, what, wanted, extension);
@@ -134,6 +154,10 @@ void export_file(const std::string& path, const ExportOptions& options) {
     GC_REQUIRE(is_a_run, "{}: is not the file of a run, and contacts come from a run's scene; --to vtk shows the balls alone", path);
     return export_paraview(RunReader(path), options.output, options.at, pressures);
   }
+  if (options.format == Format::scene) {
+    GC_REQUIRE(is_a_run && !options.at && !options.all, "{}: --to scene repeats a whole run; give the run's file, without --at and --all", path);
+    return export_scene(RunReader(path), options.output);
+  }
   if (options.all) {
     GC_REQUIRE(options.format == Format::vtk || options.format == Format::lammps_dump, "--all goes with --to vtk, paraview or lammps-dump");
     GC_REQUIRE(is_a_run, "{}: holds one moment only; --all goes with the file of a run", path);
@@ -141,7 +165,8 @@ void export_file(const std::string& path, const ExportOptions& options) {
   }
   const State state = read_moment(path, options.at);
   switch (options.format) {
-    case Format::paraview: break;  // done above
+    case Format::paraview:
+    case Format::scene: break;  // done above
     case Format::vtk: return core::write_text(options.output, vtp_text(state));
     case Format::csv: return core::write_state(options.output, state);
     case Format::lammps_dump: {

@@ -134,15 +134,16 @@ void add_commands(CLI::App& app, Options& o) {
                                                     {"paraview", silo::Format::paraview},
                                                     {"lammps-data", silo::Format::lammps_data},
                                                     {"lammps-dump", silo::Format::lammps_dump},
-                                                    {"csv", silo::Format::csv}};
+                                                    {"csv", silo::Format::csv},
+                                                    {"scene", silo::Format::scene}};
   auto* exported = command(app, "export", "Write a run's frame or a state for ParaView, OVITO, LAMMPS or a spreadsheet",
                            [&o] { silo::export_file(o.file, o.exported); });
   exported->add_option("FILE", o.file, "Run, checkpoint or state")->required();
   exported->add_option("--to", o.exported.format, "vtk (.vtp, or .pvd with --all), paraview (balls, contacts and wall, of every frame), "
-                                                      "lammps-data, lammps-dump (OVITO reads it too) or csv")
+                                                      "lammps-data, lammps-dump (OVITO reads it too), csv, or scene (what repeats a run)")
       ->required()
       ->transform(CLI::CheckedTransformer(formats));
-  exported->add_option("--output", o.exported.output, "File to write; for paraview a new directory")->required();
+  exported->add_option("--output", o.exported.output, "File to write; for paraview and scene a new directory")->required();
   exported->add_option("--at", o.exported.at, "Time in s (default: the last frame; for paraview every frame)")->check(kFinite);
   exported->add_flag("--all", o.exported.all, "Every frame of the run (vtk, lammps-dump; paraview does it anyway)");
 

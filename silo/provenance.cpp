@@ -1,5 +1,7 @@
 #include "silo/provenance.hpp"
 
+#include "core/kernels.hpp"
+
 #include <grainclock_provenance.hpp>
 
 #include <Eigen/Core>
@@ -19,6 +21,7 @@ std::vector<std::pair<std::string, std::string>> provenance() {
           {"git_revision", kGitRevision},
           {"compiler", kCompiler},
           {"flags", kFlags},
+          {"kernels", core::kernels().name},
           {"host", is_known ? fmt::format("{} ({} {} {})", machine.nodename, machine.sysname, machine.release, machine.machine)
                             : std::string("unknown")},
           {"libraries", fmt::format("Eigen {}.{}.{}, HDF5 {}.{}.{}, fmt {}.{}.{}, toml++ {}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION,

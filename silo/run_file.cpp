@@ -64,6 +64,7 @@ void write_fixed(Hdf5Group& particles, Hdf5Group& content, const State& start) {
     wall_position.push_back(start.position[i]);
   }
   content.write("id", content_id);
+  content.write_attribute(".", "length_scale", std::vector{start.length_scale});  // m
   content.write("radius", content_radius);
   content.write_attribute("radius", "unit", std::string("m"));
   Hdf5Group wall = particles.create_group("wall");
@@ -328,6 +329,7 @@ State RunReader::state(std::int64_t frame) const {
 
   State state;
   state.time = times_.at(static_cast<std::size_t>(frame));
+  if (content.has_attribute(".", "length_scale")) state.length_scale = content.attribute<double>(".", "length_scale").at(0);
   const auto add_wall = [&](std::size_t w) {
     state.add(wall_id[w], static_cast<Kind>(kind[w]), wall_position[w], Vec3::Zero(), wall_radius[w]);
     state.level.push_back(0);

@@ -3,18 +3,11 @@
 #include "core/snapshot.hpp"
 #include "silo/checkpoint.hpp"
 #include "silo/run_file.hpp"
-#include "tests/support/scratch.hpp"
+#include "tests/support/program_runs.hpp"
 
-#include <fcntl.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
-#include <chrono>
 #include <csignal>
 #include <cstdlib>
-#include <cstring>
 #include <numbers>
-#include <thread>
 
 namespace grainclock::silo {
 namespace {
@@ -23,53 +16,15 @@ namespace fs = std::filesystem;
 using core::Kind;
 using core::State;
 using core::Vec3;
+using tests::expect_same_runs;
+using tests::grainclock;
+using tests::operator+;
+using tests::Process;
+using tests::reaches;
+using tests::Result;
 using tests::Scratch;
 using tests::text_of;
-
-using Words = std::vector<std::string>;
-
-struct Result {
-  int code;
-  std::string out, err;
-};
-
-/// A running program; its output goes to files.
-class Process {
- public:
-  Process(const Scratch& scratch, const Words& arguments) : out_(scratch / "stdout"), err_(scratch / "stderr") {
-    child_ = ::fork();
-    if (child_ != 0) return;
-    ::dup2(::open(out_.c_str(), O_CREAT | O_TRUNC | O_WRONLY, 0644), STDOUT_FILENO);
-    ::dup2(::open(err_.c_str(), O_CREAT | O_TRUNC | O_WRONLY, 0644), STDERR_FILENO);
-    std::vector<char*> raw{const_cast<char*>(GRAINCLOCK_PROGRAM)};
-    for (const std::string& argument : arguments) raw.push_back(const_cast<char*>(argument.c_str()));
-    raw.push_back(nullptr);
-    ::execv(GRAINCLOCK_PROGRAM, raw.data());
-    ::_exit(127);
-  }
-  void send(int signal) const { ::kill(child_, signal); }
-  Result wait() const {
-    int status = 0;
-    ::waitpid(child_, &status, 0);
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status), text_of(out_), text_of(err_)};
-  }
-
- private:
-  std::string out_, err_;
-  pid_t child_;
-};
-
-Result grainclock(const Scratch& scratch, const Words& arguments) { return Process(scratch, arguments).wait(); }
-
-/// Waits until a run has written this checkpoint; false if it ends before, or does not come to it within a minute.
-bool reaches(const fs::path& run, int checkpoint) {
-  for (int k = 0; k < 60000 && !fs::exists(run / "final.h5"); ++k) {
-    const auto written = checkpoints_in(run / "checkpoints");
-    if (!written.empty() && std::stoi(written.front().stem().string()) >= checkpoint) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  return false;
-}
+using tests::Words;
 
 /// 48 balls above a floor of fixed balls with a plugged hole in its middle; the floor's edges are open.
 State pile() {
@@ -84,11 +39,6 @@ State pile() {
     for (int y = -4; y <= 4; ++y, ++id)
       state.add(id, std::abs(x) <= 1 && std::abs(y) <= 1 ? Kind::plug : Kind::wall, Vec3(0.3 * x, 0.3 * y, 0.0), Vec3::Zero(), 0.22);
   return state;
-}
-
-Words operator+(Words a, const Words& b) {
-  a.insert(a.end(), b.begin(), b.end());
-  return a;
 }
 
 /// So many steps (multi-rate: on several levels) that a run can be stopped amid them on any machine.
@@ -140,32 +90,6 @@ class Program : public ::testing::Test {
   Scratch scratch_;
   std::string scene_, out_;
 };
-
-bool same_bits(const std::vector<Vec3>& a, const std::vector<Vec3>& b) {
-  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Vec3)) == 0);
-}
-
-void expect_same_runs(const fs::path& a, const fs::path& b) {
-  EXPECT_EQ(core::checksum(core::read_state((a / "final.h5").string())), core::checksum(core::read_state((b / "final.h5").string())));
-  const RunReader one(a), other(b);
-  ASSERT_EQ(one.times(), other.times());
-  for (std::int64_t frame = 0; frame < one.frames(); ++frame) {
-    const State x = one.state(frame), y = other.state(frame);
-    ASSERT_EQ(x.id, y.id) << frame;
-    ASSERT_TRUE(same_bits(x.position, y.position) && same_bits(x.velocity, y.velocity)) << frame;
-    ASSERT_EQ(x.level, y.level) << frame;
-    ASSERT_EQ(one.step(frame), other.step(frame));
-    for (const std::string& name : one.observables()) {
-      if (name == "contact_evaluations") continue;  // lists are built at other times, and so are of another length
-      ASSERT_EQ(one.observable(name, frame), other.observable(name, frame)) << name << " in frame " << frame;
-    }
-  }
-  for (const std::string& name : one.observables()) {
-    if (name == "contact_evaluations") continue;
-    ASSERT_EQ(one.series(name)->time, other.series(name)->time) << name;
-    ASSERT_EQ(one.series(name)->values, other.series(name)->values) << name;
-  }
-}
 
 // ---------------------------------------------------------------- usage
 
@@ -298,7 +222,7 @@ TEST_F(Program, RunLeavesSceneFramesFinalStateAndLedger) {
   EXPECT_NEAR(reader.times().back(), 0.35, 1e-14);  // rounding of three sums
   const State last = reader.state(reader.frames() - 1), saved = core::read_state(out_ + "/final.h5");
   EXPECT_EQ(last.time, saved.time);
-  EXPECT_TRUE(same_bits(last.position, saved.position));
+  EXPECT_TRUE(tests::same_bits(last.position, saved.position));
   for (const auto& entry : fs::recursive_directory_iterator(out_)) EXPECT_EQ(entry.path().string().find(".part"), std::string::npos);
 
   // The echo is a scene that gives the same run.
@@ -553,7 +477,7 @@ TEST_F(Program, ExportTakesTheLastFrameOrTheOneAsked) {
     ASSERT_EQ(call({"import", scratch_ / "a.dump", "--output", scratch_ / "a.h5"}).code, 0);
     const State wanted = reader.state(asked ? 10 : reader.frames() - 1), found = core::read_state(scratch_ / "a.h5");
     EXPECT_EQ(found.time, wanted.time);
-    EXPECT_TRUE(same_bits(found.position, wanted.position));
+    EXPECT_TRUE(tests::same_bits(found.position, wanted.position));
   }
   EXPECT_EQ(call({"export", out_ + "/run.h5", "--to", "csv", "--output", scratch_ / "b.csv", "--at", "7"}).code, 2);
 }
