@@ -40,6 +40,12 @@ auto try_out(core::Stepper& stepper, std::int64_t steps, Count count) {
   }
 }
 
+/// Levels over the steps that a prediction looks ahead. One stepper at a time: of millions of balls each takes gigabytes.
+core::LevelStatistics levels_ahead(const core::State& state, const core::StepperSetup& setup) {
+  const auto selective = make_multirate_stepper(state, setup);
+  return try_out(*selective, kTrialSteps, [&] { return selective->level_statistics(); });
+}
+
 /// The finest level that is in use.
 std::size_t finest_of(const core::LevelStatistics& levels) {
   std::size_t finest = 0;
@@ -101,9 +107,7 @@ Prediction price(const core::LevelStatistics& levels, const UniformSteps& unifor
 }
 
 Prediction predict(const core::State& state, const core::StepperSetup& setup) {
-  const auto selective = make_multirate_stepper(state, setup);
-  const core::LevelStatistics levels = try_out(*selective, kTrialSteps, [&] { return selective->level_statistics(); });
-
+  const core::LevelStatistics levels = levels_ahead(state, setup);
   const double step = equally_accurate_step(state, setup);
   const auto uniform = core::make_uniform_stepper(state, uniform_setup(setup, step));
   const auto listed = [&] {
@@ -111,7 +115,7 @@ Prediction predict(const core::State& state, const core::StepperSetup& setup) {
     const double evaluated = static_cast<double>(uniform->costs().contact_evaluations - setup.costs.contact_evaluations);
     return done > 0.0 ? evaluated / done : uniform->level_statistics().listed;
   };
-  const std::int64_t as_long = std::lround(kTrialSteps * selective->step() / step);
+  const std::int64_t as_long = std::lround(kTrialSteps * levels.step.back() / step);
   return price(levels, {step, try_out(*uniform, std::min(as_long, kMostUniformSteps), listed)});
 }
 
