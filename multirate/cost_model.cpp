@@ -94,14 +94,19 @@ Prediction price(const core::LevelStatistics& levels, const Trial& selective, co
 }
 
 Prediction predict(const core::State& state, const core::StepperSetup& setup) {
-  const auto selective = make_multirate_stepper(state, setup);
-  const core::LevelStatistics first = selective->level_statistics();
-  const double step = equally_accurate_step(state, setup, first.common_step);
+  double step = 0.0, seconds = 0.0;
+  core::LevelStatistics levels;
+  Trial trial{};
+  {  // one stepper at a time: of millions of balls each takes gigabytes
+    const auto selective = make_multirate_stepper(state, setup);
+    const core::LevelStatistics first = selective->level_statistics();
+    step = equally_accurate_step(state, setup, first.common_step);
+    trial = try_out(*selective, std::max(kTrialSteps, kTrialRenewals * first.renew_every));
+    levels = selective->level_statistics();
+    seconds = static_cast<double>(trial.steps) * selective->step();
+  }
   const auto uniform = core::make_uniform_stepper(state, uniform_setup(setup, step));
-  const Trial trial = try_out(*selective, std::max(kTrialSteps, kTrialRenewals * first.renew_every));
-  const double as_long = static_cast<double>(trial.steps) * selective->step() / step;
-  return price(selective->level_statistics(), trial,
-               {step, try_out(*uniform, std::llround(std::min(as_long, kMostUniformSteps)))});
+  return price(levels, trial, {step, try_out(*uniform, std::llround(std::min(seconds / step, kMostUniformSteps)))});
 }
 
 double equally_accurate_step(const core::State& state, const core::StepperSetup& setup) {

@@ -163,10 +163,11 @@ Report check_scene(const core::Scene& scene, int threads) {
   double wall_clock = 0.0;
   for (std::size_t k = 0; k < scene.phases.size(); ++k) {
     const Phase& phase = scene.phases[k];
-    const StepperSetup setup = phase_setup(scene, phase, start.state, threads);
-    Report part = phase_report(phase, start.state, setup);
+    const core::State state = as_if_begun(scene, k, start.state);
+    const StepperSetup setup = phase_setup(scene, phase, state, threads);
+    Report part = phase_report(phase, state, setup);
     try {
-      const double pace = measured_pace(start.state, setup);
+      const double pace = measured_pace(state, setup);
       part.add("pace", "wall clock per simulated second, in the start state", pace, "s");
       wall_clock += pace * phase.duration;
     } catch (const core::NumericsError& error) {

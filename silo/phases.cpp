@@ -70,6 +70,12 @@ State fresh(State state) {
   return state;
 }
 
+State as_if_begun(const Scene& scene, std::size_t k, const State& start) {
+  State state = fresh(start);
+  if (k > 0 && !scene.phases[k].outlet_open) clear_gate(state);
+  return state;
+}
+
 StepperSetup phase_setup(const Scene& scene, const Phase& phase, const State& state, int threads) {
   StepperSetup setup;
   setup.gravity = scene.gravity;

@@ -21,6 +21,10 @@ Start start_of(const core::Scene& scene);
 /// The state as a new phase sees it: nothing is left of how it was stepped.
 core::State fresh(core::State state);
 
+/// The start state as if the scene's phase `k` began with it: a gate that shuts later than at the start has cut off the
+/// balls in its way.
+core::State as_if_begun(const core::Scene& scene, std::size_t k, const core::State& start);
+
 /// The setup of a phase that begins with this state; its step is `every` over a whole number. With fallback its method
 /// is uniform where selective steps are not predicted to pay. Throws InputError.
 core::StepperSetup phase_setup(const core::Scene& scene, const core::Phase& phase, const core::State& state, int threads);

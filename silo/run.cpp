@@ -83,11 +83,11 @@ class Run {
       : scene_(std::move(scene)), directory_(std::move(directory)), options_(options), file_(std::move(file)), wall_(std::move(wall)) {}
 
   /// From the very beginning.
-  void begin(const Start& start) {
+  void begin(Start start) {
     at_.scene = core::checksum(scene_.text);
     at_.first_collar = start.first_collar;
     at_.phase_start = start.state.time;
-    start_phase(fresh(start.state), nullptr);
+    start_phase(fresh(std::move(start.state)), nullptr);
     at_.start = stepper_->energies();
     add_record();
     add_frame();
@@ -163,6 +163,8 @@ class Run {
       const Energies energies = stepper_->energies();
       setup.ledger.switched_energy += energies.total() - energy_before_switch_;
     }
+    // Before the stepper, because it makes some of its own: of millions of balls each takes gigabytes.
+    const Report report = phase_report(phase(), state, setup);
     make_stepper(state, setup);
     at_.step = *setup.stepping.step;
     at_.fell_back = setup.stepping.method != phase().stepping.method ? 1 : 0;
@@ -171,7 +173,6 @@ class Run {
     const std::int64_t discharged = stepper_->ledger().discharged;
     at_.watch = {-1, -1, discharged, static_cast<std::int64_t>(state.count(core::Kind::content)), discharged, 0};
 
-    const Report report = phase_report(phase(), state, setup);
     critical_step_ = critical_steps(state, setup.materials, setup.outlet_open, setup.stepping).smallest;
     say("\nphase {} of {}, from {:.6g} s\n{}", at_.phase + 1, scene_.phases.size(), at_.phase_start, report.text(2));
     if (at_.fell_back != 0) {
@@ -303,8 +304,10 @@ class Run {
   }
 
   void add_frame() {
-    const State state = state_now();
-    file_.add(Frame{state.time, at_.total_steps, state, observe(*stepper_, at_.start)});
+    State state = state_now();
+    std::vector<Observable> observed = observe(*stepper_, at_.start);
+    const double time = state.time;
+    file_.add(Frame{time, at_.total_steps, std::move(state), std::move(observed)});
   }
 
   void save() {
@@ -431,9 +434,12 @@ RunFile::Header header_of(const Scene& scene, const RunOptions& options, const W
 
 void run_scene(const Scene& scene, const std::string& directory, const RunOptions& options) {
   require_free(directory);
-  const Start start = start_of(scene);
+  Start start = start_of(scene);
   // Every phase's stepper is made once, so that what is not offered shows now and not after hours.
-  for (const Phase& phase : scene.phases) multirate::make_stepper(fresh(start.state), phase_setup(scene, phase, start.state, options.threads));
+  for (std::size_t k = 0; k < scene.phases.size(); ++k) {
+    const State state = as_if_begun(scene, k, start.state);
+    multirate::make_stepper(state, phase_setup(scene, scene.phases[k], state, options.threads));
+  }
 
   State recorded = start.state;  // the collar is a tool of the filling, not part of the silo
   if (start.first_collar >= 0) remove_collar(recorded, start.first_collar);
@@ -445,7 +451,7 @@ void run_scene(const Scene& scene, const std::string& directory, const RunOption
   core::write_text(fs::path(directory) / kSceneFile, scene.text);
   const WatchedWall wall = wall_of(scene, recorded);
   Run run(scene, directory, options, RunFile(directory, recorded, header_of(scene, options, wall)), wall);
-  run.begin(start);
+  run.begin(std::move(start));
 }
 
 void resume_run(const std::string& directory, const RunOptions& options) {

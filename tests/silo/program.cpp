@@ -2,6 +2,7 @@
 #include "core/check.hpp"
 #include "core/snapshot.hpp"
 #include "silo/checkpoint.hpp"
+#include "silo/filling.hpp"
 #include "silo/run_file.hpp"
 #include "tests/support/program_runs.hpp"
 
@@ -240,6 +241,20 @@ TEST_F(Program, ClosingTheOutletCutsOffAndCounts) {
   EXPECT_EQ(count(after) + out(after), 48.0);
   // No ball is shut inside the plug: an overlap stays a small part of a radius.
   EXPECT_LT(reader.observable("largest_overlap", after)->at(0), 0.02);
+}
+
+TEST_F(Program, GateThatShutsLaterMayHaveBallsInItsWayAtTheStart) {
+  ASSERT_EQ(run().code, 0);
+  const RunReader reader(out_);
+  State flowing = reader.state(reader.frame_at(0.30));
+  core::write_state(scratch_ / "flowing.h5", flowing);
+  ASSERT_FALSE(clear_gate(flowing).empty());
+  const Words from_there{"--set", "initial.state=" + scratch_ / "flowing.h5", "--set", "phase.0.outlet=open"};
+  const Result result = call(Words{"run", scene_, "--out", scratch_ / "on"} + from_there);
+  EXPECT_EQ(result.code, 0) << result.err;
+  EXPECT_EQ(call(Words{"check", scene_} + from_there).out.find("numerics fail"), std::string::npos);
+  // Shut from the start it would be the state that is wrong.
+  EXPECT_EQ(call({"run", scene_, "--out", scratch_ / "shut", "--set", "initial.state=" + scratch_ / "flowing.h5"}).code, 3);
 }
 
 TEST_F(Program, FramesChangeNoResult) {
