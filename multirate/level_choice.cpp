@@ -137,6 +137,7 @@ void LevelChoice::choose_for(Kinds kinds, const Recorded& recorded, const BallSt
       level[row] = its;
     }
   });
+  able_ = level;
   share_error(kSmoothError, &Urgency::smooth4, steps.before, level);
   share_error(kImpactError, &Urgency::impact4, steps.before, level);
 }
@@ -147,7 +148,7 @@ void LevelChoice::share_error(double error_factor, double Urgency::*urgency4, co
   strides4_.clear();
   double sum4 = 0.0;  // of urgencies, 1/s4
   for (std::size_t row = 0; row < urgency_.size(); ++row) {
-    const double its4 = urgency_[row].*urgency4, stride4 = fourth(ladder_.step(level[row])) * its4;
+    const double its4 = urgency_[row].*urgency4, stride4 = fourth(ladder_.step(able_[row])) * its4;
     if (stride4 > 0.0) strides4_.push_back(stride4);
     sum4 += its4;
   }
@@ -160,6 +161,7 @@ void LevelChoice::share_error(double error_factor, double Urgency::*urgency4, co
       // Contacts' own levels do not depend on what they were, for a restart does not know it: no hysteresis.
       const Level now = levels_below_ > 0 ? ladder_.coarsest() : before[row];
       level[row] = std::min(level[row], classed(urgency_[row].*urgency4, reach4, now));
+      able_[row] = std::min(able_[row], classed(urgency_[row].*urgency4, reach4, ladder_.coarsest()));
     }
   });
 }

@@ -74,6 +74,8 @@ class LevelChoice {
   PairsBeyond beyond_;                    // per thread
   std::vector<Urgency> urgency_;
   std::vector<double> strides4_;                 // see shared_reach4()
+  // What balls could take but for hysteresis: errors are shared by it, for a restart knows levels only after the limiter.
+  std::vector<Level> able_;
   std::vector<Level> among_balls_, with_fixed_;  // only of contacts with levels of their own
   double speed2_ = 0.0;                          // m2/s2, see mean_square_speed()
   double largest_inverse_mass_ = 0.0;

@@ -2,6 +2,7 @@
 // made again from its own file alone. Every method of stepping goes through all of it.
 #include "core/kernels.hpp"
 #include "core/scene.hpp"
+#include "tests/support/crowd.hpp"
 #include "tests/support/program_runs.hpp"
 
 #include <fmt/format.h>
@@ -19,30 +20,6 @@ using tests::expect_same_runs;
 using tests::Result;
 using tests::operator+;
 using tests::Words;
-
-/// Balls that press, knock and part above a floor with a plugged hole, at a time other than zero: so many that four threads
-/// have work, which begins at 1024 balls or pairs each.
-State crowd() {
-  constexpr int kSide = 17, kLayers = 15, kHalf = 9;
-  constexpr double kSpacing = 0.4395;  // m: with radii of 0.22 m give or take 2 % about half of the neighbours touch
-  static_assert(kSide * kSide * kLayers > 4 * 1024);
-  tests::Random random(7);
-  State state;
-  state.time = 0.7;
-  state.length_scale = 0.1;  // m, not the mean diameter: as if most of what a run began with were smaller and had left
-  core::BallId id = 0;
-  for (int k = 0; k < kLayers; ++k)
-    for (int i = 0; i < kSide; ++i)
-      for (int j = 0; j < kSide; ++j) {
-        const Vec3 lattice(i - kSide / 2, j - kSide / 2, k + 1);
-        state.add(id++, Kind::content, kSpacing * lattice + random.in_cube(1e-3), random.in_cube(k < 3 ? 2.0 : 0.3),
-                  random.between(0.2156, 0.2244));
-      }
-  for (int i = -kHalf; i <= kHalf; ++i)
-    for (int j = -kHalf; j <= kHalf; ++j)
-      state.add(id++, std::abs(i) <= 2 && std::abs(j) <= 2 ? Kind::plug : Kind::wall, kSpacing * Vec3(i, j, 0), Vec3::Zero(), 0.22);
-  return state;
-}
 
 // Balls of the lowest layer leave while it runs. The step of uniform cases is the dashpots' bound, about.
 constexpr const char* kScene = R"(
@@ -88,7 +65,7 @@ const Case kCases[] = {
 class Reproducibility : public ::testing::TestWithParam<Case> {
  protected:
   Reproducibility() {
-    core::write_state(scratch_ / "crowd.h5", crowd());
+    core::write_state(scratch_ / "crowd.h5", tests::crowd());
     scene_ = scratch_.file("scene.toml", kScene);
     keys_ = {"--set", GetParam().multirate ? "stepping.method='multirate'" : "stepping.method='uniform'", "--set",
              GetParam().multirate ? "stepping.step=3.2e-4" : "stepping.step=8e-5"};
