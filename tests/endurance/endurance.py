@@ -36,7 +36,9 @@ STOPPED = 5          # exit code of a run that a signal stopped
 
 MEGABYTE = 1e6
 # Bounds of the rules; README.md says where they come from.
-WARM_UP = 0.1              # of a process's time
+WARM_UP, LEAST_WARM_UP = 0.1, 10.0  # of a process's computing, and s of it
+LEAST_COMPUTING = 30.0     # s, for what is told of memory
+IDLE = 0.5                 # of the clock, not spent computing
 GROWTH = 0.02              # of resident memory in one process after its warm-up
 PEAK_GROWTH = 64 * MEGABYTE
 MOMENTUM = 1e-12
@@ -69,7 +71,7 @@ def files_of(run):
             size += path.stat().st_size
         except FileNotFoundError:
             continue
-        segment = re.fullmatch(r"\d{8}-(\d{8})\.h5", path.name)
+        segment = re.fullmatch(r"frames-\d{8}-(\d{8})\.h5", path.name)
         frames = max(frames, int(segment[1])) if segment else frames
     return size, frames
 
@@ -155,6 +157,7 @@ def trend(x, y):
     x, y = np.asarray(x, float), np.asarray(y, float)
     x, y = x[::-(-len(x) // 400)], y[::-(-len(y) // 400)]
     i, j = np.triu_indices(len(x), 1)
+    i, j = i[x[j] > x[i]], j[x[j] > x[i]]
     return float(np.median((y[j] - y[i]) / (x[j] - x[i]))) if len(i) else 0.0
 
 
@@ -166,13 +169,16 @@ def created(series):
 
 
 def memory_rules(rows):
-    """Over the samples of one process: {rule: (value, limit)}."""
-    t = np.array([row["wall_s"] for row in rows])
-    warm = t >= t[0] + WARM_UP * (t[-1] - t[0])
-    column = {name: np.array([row[name] for row in rows])[warm] for name in ("wall_s", "rss", "peak", "descriptors", "threads")}
-    growth = trend(column["wall_s"], column["rss"]) * (t[-1] - t[0])
+    """Over the samples of one process: {rule: (value, limit)}. Nothing where it has hardly computed."""
+    t = np.array([row["cpu_s"] for row in rows])
+    if t[-1] < LEAST_COMPUTING:
+        return {}
+    warm = t >= max(WARM_UP * t[-1], LEAST_WARM_UP)
+    column = {name: np.array([row[name] for row in rows])[warm] for name in ("cpu_s", "rss", "peak", "descriptors", "threads")}
+    halves = zip(np.array_split(column["cpu_s"], 2), np.array_split(column["rss"], 2))
+    growth = min(trend(x, y) for x, y in halves) * t[-1]
     least = [int(tenth.min()) for tenth in np.array_split(column["descriptors"], 10) if len(tenth)]
-    return {"resident memory, its trend over the process, bytes": (growth, GROWTH * np.median(column["rss"])),
+    return {"resident memory, its lesser trend in two halves, bytes": (growth, GROWTH * np.median(column["rss"])),
             "peak memory, gained after the warm-up, bytes": (column["peak"][-1] - column["peak"][0], PEAK_GROWTH),
             "open descriptors between writes, gained": (least[-1] - least[0], 0),
             "threads, gained": (column["threads"].max() - column["threads"].min(), 0)}
@@ -217,6 +223,12 @@ def speed_rules(rows, series):
     return {"computing per contact evaluation, last third over first": (costs[1] / costs[0] if len(costs) == 2 and costs[0] else 0.0, SLOWER)}
 
 
+def idle_rules(rows):
+    """Over the samples of one run: {rule: (value, limit)}. An hour in which little was done shows nothing."""
+    ends = {row["process"]: row for row in rows}
+    return {"share of the clock not spent computing": (1 - sum(row["cpu_s"] for row in ends.values()) / (rows[-1]["wall_s"] - rows[0]["wall_s"]), IDLE)}
+
+
 def judge(name, rows, codes, n_processes, series):
     """All rules of a part."""
     def verdicts(rules, where):
@@ -224,8 +236,11 @@ def judge(name, rows, codes, n_processes, series):
 
     found = verdicts({"processes that ended neither in order nor by the signal": (sum(code not in (0, STOPPED) for code in codes), 0)}, name)
     for k in sorted({row["process"] for row in rows}):
-        found += verdicts(memory_rules([row for row in rows if row["process"] == k]), f"{name} {k + 1}/{n_processes}")
-    return found + verdicts({**ledger_rules(series), **file_rules(rows, series), **speed_rules(rows, series)}, name)
+        rules = memory_rules([row for row in rows if row["process"] == k])
+        found += verdicts(rules, f"{name} {k + 1}/{n_processes}")
+        if not rules:
+            print(f"  {name} {k + 1}/{n_processes}: computed for less than {LEAST_COMPUTING:g} s, too short to tell of its memory")
+    return found + verdicts({**ledger_rules(series), **file_rules(rows, series), **speed_rules(rows, series), **idle_rules(rows)}, name)
 
 
 # ------------------------------------------------------------------ telling

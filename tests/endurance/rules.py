@@ -21,8 +21,8 @@ import endurance
 N, BALLS, FRAMES = 600, 1000, 240
 
 
-def hour(leak=0.0, peak=0.0, descriptors=0.0, threads=0.0, slower=1.0, junk=0.0):
-    """Samples of one process. What is given is gained evenly over the hour: bytes, descriptors, threads, bytes of files."""
+def hour(leak=0.0, step=0.0, peak=0.0, descriptors=0.0, threads=0.0, slower=1.0, junk=0.0, share=1.0):
+    """Samples of one process. What is given is gained evenly over the hour (`step`: at once, in its middle). `share`: of the clock, spent computing."""
     random = np.random.default_rng(1)
     rows = []
     for k in range(N):
@@ -30,8 +30,8 @@ def hour(leak=0.0, peak=0.0, descriptors=0.0, threads=0.0, slower=1.0, junk=0.0)
         frames = 1 + int(u * (FRAMES - 1))
         writes = random.random() < 0.1  # a file is open, and a buffer held
         steady = 80e6 * (1 - 0.3 * np.exp(-50 * u)) + random.integers(-50, 50) * 4096
-        rows.append({"part": "selective", "process": 0, "wall_s": 3600 * u, "cpu_s": 3600 * (u if u < 2 / 3 else 2 / 3 + (u - 2 / 3) * slower),
-                     "rss": steady + leak * u + 30e6 * writes, "peak": 120e6 + peak * u, "descriptors": 5 + int(descriptors * u) + writes,
+        rows.append({"part": "selective", "process": 0, "wall_s": 3600 * u, "cpu_s": 3600 * share * (u if u < 2 / 3 else 2 / 3 + (u - 2 / 3) * slower),
+                     "rss": steady + leak * u + step * (u > 0.5) + 30e6 * writes, "peak": 120e6 + peak * u, "descriptors": 5 + int(descriptors * u) + writes,
                      "threads": 1 + int(threads * u), "bytes": frames * 49 * BALLS * (1 + 0.05 * writes) + junk * u, "frames": frames})
     return rows
 
@@ -66,6 +66,9 @@ class Rules(unittest.TestCase):
     def test_memory_that_is_given_back_is_no_leak(self):
         self.assertEqual(broken(hour(leak=-20e6), ledger()), set())
 
+    def test_memory_that_is_taken_once_is_no_leak(self):
+        self.assertEqual(broken(hour(step=20e6), ledger()), set())
+
     def test_a_growing_peak(self):
         self.only("peak memory", hour(peak=100e6))
 
@@ -77,6 +80,9 @@ class Rules(unittest.TestCase):
 
     def test_steps_that_become_slower(self):
         self.only("computing per contact evaluation", hour(slower=2.5))
+
+    def test_an_hour_of_waiting(self):
+        self.only("share of the clock not spent computing", hour(share=0.1))
 
     def test_files_that_nobody_needs(self):
         self.only("bytes of files over those of the frames", hour(junk=5e6))

@@ -103,7 +103,7 @@ def same_bits(a, b):
 
 def frames_in(run):
     """Frames that are on the disk."""
-    return max((int(path.stem.split("-")[1]) for path in run.glob("segments/*-*.h5")), default=0)
+    return max((int(path.stem.split("-")[-1]) for path in run.glob("segments/frames-*.h5")), default=0)
 
 
 def runs(program, out, scene, method):
