@@ -99,6 +99,7 @@ LayerModes fit_modes(const std::vector<const WallLoad*>& loads, int highest) {
 std::vector<WallLoad> wall_loads(const core::State& state, const std::vector<core::Contact>& contacts, const SiloShape& shape) {
   const std::vector<Vec3> force = forces_on_wall(state, contacts);
   const Meridian line = meridian(shape);
+  const double sharing = std::max(1.0, shape.coverage);  // balls to a place
   std::vector<WallLoad> loads;
   for (std::size_t ball = 0; ball < state.size(); ++ball) {
     if (state.kind[ball] != core::Kind::wall) continue;
@@ -107,7 +108,7 @@ std::vector<WallLoad> wall_loads(const core::State& state, const std::vector<cor
     const double along = nearest_along(line, away.dot(at.head<2>()), at[2]);
     const MeridianPoint normal = line.outward_normal(along);
     loads.push_back({state.id[ball], at, std::atan2(at[1], at[0]), around(shape.section, at), along,
-                     4.0 * state.radius[ball] * state.radius[ball],
+                     4.0 * state.radius[ball] * state.radius[ball] / sharing,
                      {normal.half_width * away[0], normal.half_width * away[1], normal.z}, force[ball]});
   }
   return loads;

@@ -1,7 +1,8 @@
 // Pressure on the wall, ball by ball on the unfolded wall, and what is uneven about it.
 //
 // The paper's section 5.4: the pressure on a wall ball is the horizontal part of its total contact
-// force over the square that circumscribes it, (2 r)^2. The plug is not part of the wall.
+// force over the square that circumscribes it, (2 r)^2. A wall of closer balls, whose squares overlap, is shared among them: else
+// its pressures would fall with the number of its balls. The plug is not part of the wall.
 #pragma once
 
 #include "core/state.hpp"
@@ -24,7 +25,7 @@ struct WallLoad {
   double angle;   // rad, about the axis from +x counterclockwise, -pi to pi
   double around;  // m, along the perimeter of its own section from +x counterclockwise, half a perimeter either way
   double along;   // m, along the meridian from the outlet's edge
-  double area;    // m2, (2 r)^2
+  double area;    // m2, of the wall that is the ball's: (2 r)^2, shared where a coverage above 1 makes the squares overlap
   Vec3 normal;    // outward unit normal of the nominal surface; horizontal on the shaft
   Vec3 force;     // N, of the content on the wall ball
 
