@@ -106,7 +106,7 @@ class Runner:
         """What is there of a member must be of this scene and these settings."""
         wanted = json.dumps({"scene": self.scene.read_text(encoding="utf-8"), "settings": member.settings}, indent=1)
         made = self.out / f"{member.id}.json"
-        if made.exists() and json.loads(made.read_text(encoding="utf-8")) != json.loads(wanted):
+        if self.directory(member).exists() and made.exists() and json.loads(made.read_text(encoding="utf-8")) != json.loads(wanted):
             raise WrongInput(f"{self.directory(member)} was made of another scene or other settings; take another --out, or remove it and {made}")
         made.parent.mkdir(parents=True, exist_ok=True)
         aside = made.with_suffix(".part")
