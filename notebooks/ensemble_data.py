@@ -266,6 +266,19 @@ def jitter(story):
     return mean(story.kinetic_at_frames[k]) / (len(story.radius) * weight * r)
 
 
+def energy_made(story):
+    """What the steps made of nothing after the filling, over what the dashpots took: large beyond the stability bound. nan where the run does
+    not tell."""
+    with h5py.File(story.run, "r") as file:
+        if "observables/dissipated" not in file:
+            return np.nan
+        of = lambda name: file[f"observables/{name}/value"][:]
+        kept = ("kinetic_energy", "potential_energy", "elastic_energy", "dissipated", "first_impact", "removed_energy")
+        total, taken = sum(of(name) for name in kept) - of("event_work") - of("switched_energy"), of("dissipated")
+    first = np.abs(story.frame_times - story.phases[0].end).argmin()
+    return (total[-1] - total[first]) / (taken[-1] - taken[first])
+
+
 def at_end_of_discharge(name):
     def of(story):
         k = np.flatnonzero(story.discharge)
@@ -312,6 +325,7 @@ QUANTITIES = (
     Quantity("... in the discharge", of_flow("wall_friction"), 3),
     Quantity("lateral ratio at rest", of_rest("lateral_ratio"), 3),
     Quantity("jitter at rest  [1e-3 m g r]", scaled(1e3, jitter), 2),
+    Quantity("energy made by the steps over that dissipated  [%]", scaled(100, energy_made), 2),
     Quantity("pressure above the transition at rest  [kPa]", scaled(1e-3, layer_above_transition(at_rest(PRESSURE))), 1),
     Quantity("... in the discharge  [kPa]", scaled(1e-3, layer_above_transition(in_flow(PRESSURE))), 1),
     Quantity("largest pressure of a layer at rest  [kPa]", scaled(1e-3, largest(at_rest(PRESSURE))), 1),
