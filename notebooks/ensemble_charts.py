@@ -1,7 +1,7 @@
 """Charts and sentences of an ensemble of silo runs, from ensemble_data.read_ensemble().
 
 As a module: CHARTS, by name; every draw(figure, ensemble, name) fills an empty figure with the variant `name` beside the base (the base alone
-where it is the base itself), and raises NothingToDraw where there is nothing to show. silo_ensemble.ipynb puts them together.
+where it is the base itself), and raises NothingToDraw where there is nothing to show. ensemble.ipynb puts them together.
 """
 
 import numpy as np

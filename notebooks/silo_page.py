@@ -4,16 +4,13 @@ GRAINCLOCK_RUN names a run.h5 or its directory, GRAINCLOCK_MEASURES what `grainc
 it); relative paths start at the repository. build.sh sets both.
 """
 
-import html
 import json
 import os
 import re
 import sys
-from io import BytesIO
 from pathlib import Path
 
-from IPython.display import HTML, Image, Markdown, display
-from PIL import Image as Picture
+from IPython.display import Image, Markdown, display
 
 NOTEBOOKS = Path(__file__).resolve().parent
 ROOT = NOTEBOOKS.parent
@@ -23,10 +20,10 @@ import dense_charts
 import silo_charts
 import silo_data
 import silo_words
+from page_outputs import show_table, small_png
 
 if not os.environ.get("GRAINCLOCK_RUN"):
     raise SystemExit("GRAINCLOCK_RUN names no run.h5; notebooks/build.sh RUN measures a run and makes pages of it")
-DPI, COLOURS = 80, 128  # of stored pictures: they stay readable, and all of them below 2.5 MB
 measures = os.environ.get("GRAINCLOCK_MEASURES")
 story = silo_data.read_story(ROOT / os.environ["GRAINCLOCK_RUN"], ROOT / measures if measures else None)
 
@@ -73,20 +70,6 @@ def show_dense(*names):
     """As show(), of charts of dense_charts."""
     for name in names:
         show_one(name, dense_charts.CHARTS[name], dense)
-
-
-def small_png(figure):
-    """A figure as PNG with a palette: a third of the bytes."""
-    raw, small = BytesIO(), BytesIO()
-    figure.savefig(raw, dpi=DPI, format="png")
-    Picture.open(raw).convert("RGB").quantize(COLOURS, kmeans=1, dither=Picture.Dither.NONE).save(small, format="png", optimize=True)
-    return small.getvalue()
-
-
-def show_table(titles, rows, looks="told"):
-    cells = lambda tag, row: "".join(f"<{tag}>{html.escape(str(cell))}</{tag}>" for cell in row)
-    body = "".join(f"<tr>{cells('td', row)}</tr>" for row in rows)
-    display(HTML(f'<table class="{looks}"><tr>{cells("th", titles)}</tr>{body}</table>'))
 
 
 def layers_table():

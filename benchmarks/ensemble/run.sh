@@ -1,8 +1,8 @@
 #!/bin/sh
 # Runs an ensemble of silos over seeds and variants on all cores, one thread each, and makes a page of it: envelopes over seeds,
 # selective against uniform steps, one radius, a smoother wall. Stopped, the same call goes on.
-#   benchmarks/ensemble/run.sh              the paper's silo: out/ensemble/silo_ensemble.html (an hour of two cores)
-#   benchmarks/ensemble/run.sh --quick      a silo of 500 balls: out/ensemble-quick/silo_ensemble.html (a minute)
+#   benchmarks/ensemble/run.sh              the paper's silo: out/ensemble/ensemble.html (an hour of two cores)
+#   benchmarks/ensemble/run.sh --quick      a silo of 500 balls: out/ensemble-quick/ensemble.html (a minute)
 #   benchmarks/ensemble/run.sh --jobs N     runs at once; default: all cores
 #   benchmarks/ensemble/run.sh --page       only the page, of the members that are done
 #   benchmarks/ensemble/run.sh --out DIR    another directory
@@ -50,6 +50,7 @@ fi
 
 echo "Drawing"
 GRAINCLOCK_ENSEMBLE=$out PYDEVD_DISABLE_FILE_VALIDATION=1 \
-  /usr/bin/python3 -B -m nbconvert --to html --execute --no-input --HTMLExporter.mathjax_url= --HTMLExporter.require_js_url= \
-  --log-level WARN --output-dir "$out" --output silo_ensemble notebooks/silo_ensemble.ipynb
-echo "Done: open $out/silo_ensemble.html"
+  /usr/bin/python3 -B -m nbconvert --to html --execute --no-input --TemplateExporter.extra_template_basedirs=notebooks --template page \
+  --HTMLExporter.mathjax_url= --HTMLExporter.require_js_url= --log-level WARN --output-dir "$out" notebooks/ensemble.ipynb
+sed -i '/<nav class="index">/d' "$out/ensemble.html"  # notebooks/build.sh makes an index
+echo "Done: open $out/ensemble.html"
