@@ -51,6 +51,7 @@ fi
 echo "Drawing"
 GRAINCLOCK_ENSEMBLE=$out PYDEVD_DISABLE_FILE_VALIDATION=1 \
   /usr/bin/python3 -B -m nbconvert --to html --execute --no-input --TemplateExporter.extra_template_basedirs=notebooks --template page \
-  --HTMLExporter.mathjax_url= --HTMLExporter.require_js_url= --log-level WARN --output-dir "$out" notebooks/ensemble.ipynb
+  --HTMLExporter.mathjax_url= --HTMLExporter.require_js_url= --ExecutePreprocessor.startup_timeout=600 --log-level WARN \
+  --output-dir "$out" notebooks/ensemble.ipynb
 sed -i '/<nav class="index">/d' "$out/ensemble.html"  # notebooks/build.sh makes an index
 echo "Done: open $out/ensemble.html"
