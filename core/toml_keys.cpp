@@ -29,10 +29,12 @@ std::string text_of(const toml::node& node) {
 /// ten thousand names overflows the stack. (Values within values it limits itself.)
 void require_flat(std::string_view text, const std::string& source) {
   int line = 1, points = 0;
+  char before = 0;
   for (const char letter : text) {
-    if (letter == '.') ++points;
+    if (letter == '.') points = before == '.' ? 0 : points + 1;  // dots in a row are for ornament
     if (std::string_view(",=[]{}\n").find(letter) != std::string_view::npos) points = 0;
     if (letter == '\n') ++line;
+    before = letter;
     GC_REQUIRE(points < kDeepest, "{}:{}: more than {} points in one key or text: write fewer", source, line, kDeepest);
   }
 }
