@@ -151,7 +151,7 @@ TEST_F(StudyPlan, ErrorsNameFileLineValueAndRemedy) {
       {kHead + "steps = 3\n[[method]]\n", line(7), "steps"},
       {"horizon = \"long\"\n" + kHead + "[[method]]\n", "my.toml:", ""},
       {kHead, "my.toml", "[[method]]"},
-      {"scene = \n", line(1), "TOML"},
+      {"scene = \n", "my.toml:1:9: ", "TOML"},
   };
   for (const auto& wrong : cases) {
     const std::string said = complaint(wrong.text);
