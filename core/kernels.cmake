@@ -7,6 +7,8 @@ if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
   set(flags_avx512 -march=x86-64-v4 -mprefer-vector-width=512)
 endif()
 
+set(GRAINCLOCK_KERNEL_FLAGS -O3 CACHE STRING "Optimisation of the hot loops, in every type of build")
+
 # Adds `file`, compiled for every set, to the library of `folder`.
 function(grainclock_kernels folder file)
   if(GRAINCLOCK_FUZZ)  # no input comes here, and clang takes minutes to watch over vectors
@@ -20,7 +22,8 @@ function(grainclock_kernels folder file)
     add_library(${object} OBJECT ${PROJECT_SOURCE_DIR}/${folder}/${file})
     target_link_libraries(${object} PRIVATE grainclock_flags)
     target_compile_definitions(${object} PRIVATE GRAINCLOCK_KERNEL_SET=${set})
-    target_compile_options(${object} PRIVATE -O3 ${flags_${set}} -Wno-psabi)
+    # Where forces are beyond all bounds sums may wrap: that is seen (SweepTotals::overloaded), and the step fails.
+    target_compile_options(${object} PRIVATE ${GRAINCLOCK_KERNEL_FLAGS} -fwrapv ${flags_${set}} -Wno-psabi)
     target_sources(grainclock_${folder} PRIVATE $<TARGET_OBJECTS:${object}>)
   endforeach()
 endfunction()
