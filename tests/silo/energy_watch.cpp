@@ -70,6 +70,35 @@ TEST(EnergyWatch, AddsUpWhatCreepsIn) {
   EXPECT_EQ(looks, 3);  // 12 J
 }
 
+TEST(EnergyWatch, AddsUpWhatSpoilsARunLittleByLittle) {
+  // Each look finds 12 J more than at the last one, against 10 J of motion: noticed, and 5 J would spoil. The second look
+  // finds 14 J unaccounted for in all.
+  EnergyWatch creeping = watch();
+  const auto first = creeping.look(energies(10.0, 112.0), core::Ledger{});
+  const auto second = creeping.look(energies(10.0, 124.0), core::Ledger{});
+  ASSERT_TRUE(first && second);
+  EXPECT_FALSE(first->spoils);
+  EXPECT_TRUE(second->spoils);
+}
+
+TEST(EnergyWatch, StiffContentIsMeasuredByItsSprings) {
+  // Springs that hold 2000 J where the weights would give 1000 J: a run is spoilt above 10 J, not 5 J.
+  const core::Energies pressed = energies(0.0, 2000.0);
+  const auto look = [&](double created) { return EnergyWatch{pressed, pressed, core::Ledger{}, 1000.0}.look(energies(0.0, 2000.0 + created), {}); };
+  ASSERT_TRUE(look(9.9) && look(10.1));
+  EXPECT_FALSE(look(9.9)->spoils);
+  EXPECT_TRUE(look(10.1)->spoils);
+}
+
+TEST(EnergyWatch, FirstImpactsCountAsTakenAway) {
+  // As with dashpots: d - 0.25 d against 10 J of motion.
+  core::Ledger stopped;
+  stopped.first_impact = 13.33;
+  EXPECT_FALSE(watch().look(kStart, stopped));
+  stopped.first_impact = 13.34;
+  EXPECT_TRUE(watch().look(kStart, stopped));
+}
+
 TEST(EnergyWatch, TakesRoundingForNothing) {
   const core::Energies rest = energies(0.0, 100.0);
   EnergyWatch resting{rest, rest, core::Ledger{}, 1000.0}, heated = resting;
