@@ -46,8 +46,8 @@ Checkpoint checkpoint() {
 class Numbers {
  public:
   explicit Numbers(const std::string& path) : file_(H5Fopen(path.c_str(), H5F_ACC_RDWR, H5P_DEFAULT)) {
-    const auto name = [](hid_t, const char* its, const H5L_info_t*, void* names) {
-      if (std::string(its) != "checksum") static_cast<std::vector<std::string>*>(names)->push_back(std::string("position_in_run/") + its);
+    const auto name = [](hid_t, const char* its, const H5L_info_t*, void* out) {
+      if (std::string(its) != "checksum") static_cast<std::vector<std::string>*>(out)->push_back(std::string("position_in_run/") + its);
       return herr_t{0};
     };
     H5Literate_by_name(file_, "position_in_run", H5_INDEX_NAME, H5_ITER_INC, nullptr, name, &names, H5P_DEFAULT);
