@@ -256,7 +256,7 @@ TEST(CriticalStep, OfPerpendicularContactsIsThatOfEachAlone) {
   EXPECT_NEAR(alone / critical_step_of_pair(materials.wall, 1.0 / materials.mass(0.22), Integrator::lagged), 1.0, 1e-8);
 }
 
-TEST(CriticalStep, BeyondItARunEndsNamingBallForceAndStep) {
+TEST(CriticalStep, BeyondItARunEndsNamingBallStepAndWhatIsWrong) {
   const State start = tests::tray(6, 2, 1);
   for (const Integrator integrator : {Integrator::predicted, Integrator::lagged}) {
     const double critical = critical_step_of_pair(Materials{}.wall, 1.0 / Materials{}.mass(0.22), integrator);
@@ -266,8 +266,8 @@ TEST(CriticalStep, BeyondItARunEndsNamingBallForceAndStep) {
     const auto stepper = make_uniform_stepper(start, setup);
     const std::string message = tests::message_of<NumericsError>([&] { stepper->advance(10000); });
     EXPECT_NE(message.find("ball "), std::string::npos) << message;
-    EXPECT_NE(message.find("against "), std::string::npos) << message;
-    EXPECT_NE(message.find(" N (limit"), std::string::npos) << message;
+    const bool names_force = message.find("against ") != std::string::npos && message.find(" N (limit") != std::string::npos;
+    EXPECT_TRUE(names_force || message.find("more than half its radius") != std::string::npos) << message;
     EXPECT_NE(message.find(fmt::format("step {:.3g} s", step)), std::string::npos) << message;
     EXPECT_NE(message.find("use a smaller step"), std::string::npos) << message;
   }
