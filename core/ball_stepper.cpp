@@ -95,7 +95,7 @@ void BallStepper::load_synchronised(const State& state) {
 }
 
 void BallStepper::build_list(const std::vector<std::uint8_t>& leaving) {
-  require_slow();
+  if (steps_done_ > first_step_) require_slow();  // a stepper may be made for its forces alone, whatever its step
   const std::vector<std::uint32_t>& order = list_.build(balls_, leaving);
   reorder_like(impacted_, order, balls_.spare, setup_.threads);
   if (!evaluated_.empty()) {

@@ -43,6 +43,9 @@ class BallStepper : public Stepper {
   /// Throws NumericsError with the worst contact of the evaluation at the rows' present values, among the rows that
   /// `counts` (those that have not moved on since).
   [[noreturn]] void throw_overloaded(const std::function<bool(std::uint32_t)>& counts = [](std::uint32_t) { return true; }) const;
+  /// Throws NumericsError for a ball that one step takes so far that it may pass through another. A list covers
+  /// balls' ways for some steps ahead: looking when lists are made is enough.
+  void require_slow() const;
   /// Takes the vertical velocity from `rows`, which feel a contact for the first time (paper, section 5.3), and books it.
   void stop_first_impacts(std::vector<std::uint32_t>& rows);
   /// Seconds from the start of the time line of this stepper to now.
@@ -94,9 +97,6 @@ class BallStepper : public Stepper {
   /// Contacts of the pairs of rows for which counts(i, j), in order of ids.
   template <class Counts>
   std::vector<Contact> contacts_where(Counts counts) const;
-  /// Throws NumericsError for a ball that one step takes so far that it may pass through another. A list covers
-  /// balls' ways for some steps ahead: looking when lists are made is enough.
-  void require_slow() const;
   void book_events(const EventBook& book);
   void weigh();
 

@@ -346,6 +346,7 @@ class MultirateStepper final : public core::BallStepper {
   }
 
   void renew() {
+    require_slow();  // lists of fast balls reach far, and are seldom made anew
     if (crossed_) {
       crossed_ = false;
       const std::vector<std::uint8_t> leaving = find_leaving();

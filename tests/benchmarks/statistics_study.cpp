@@ -179,7 +179,7 @@ TEST_F(StatisticsFiles, AnEmptySiloIsRefused) {
 TEST_F(StatisticsFiles, NumericsThatFailAreTold) {
   State fast = falling(0.015);
   fast.velocity[4] = Vec3(100.0, 0, 0);  // leaves the scene after 0.2 s
-  const LongRun run = run_long(core::read_scene(scene_), fast, uniform(1e-3), {0.4, 0.05, 1.0}, 1);
+  const LongRun run = run_long(core::read_scene(scene_), fast, uniform(5e-4), {0.4, 0.05, 1.0}, 1);
   EXPECT_EQ(run.status.substr(0, 7), "failed:") << run.status;
   EXPECT_FALSE(run.is_ok());
   EXPECT_EQ(run.discharged.size(), 4u) << "samples until then are kept";
