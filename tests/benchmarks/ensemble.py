@@ -163,7 +163,7 @@ class Runs(Ensemble):
         self.assertFalse((checkpoints.parent / "measures.h5").exists())
         code, text = self.call()
         self.assertEqual(code, 0, text)
-        self.assertIn("resuming from", (self.directory / "out" / "a" / "seed-1.log").read_text(encoding="utf-8"))
+        self.assertIn("resuming at", (self.directory / "out" / "a" / "seed-1.log").read_text(encoding="utf-8"))
         np.testing.assert_array_equal(self.positions("a/seed-1"), self.positions("a/seed-1", "whole"))
 
     def test_a_member_that_fails_does_not_stop_the_others(self):
