@@ -24,7 +24,7 @@ struct TermsOn {
   bool tension;
   double cohesion;
 };
-constexpr TermsOn kTerms[] = {{false, 0.0}, {true, 0.0}, {false, 3e3}, {true, 3e3}};
+constexpr TermsOn kTerms[] = {{false, 0.0}, {true, 0.0}, {false, 3e4}, {true, 3e4}};  // of reach 3 mm
 
 /// Random content and fixed rows, and pairs of them that overlap, part, cohere, or are apart.
 struct Rows {
@@ -244,6 +244,7 @@ TEST(Kernels, SweepIsTheScalarLawSummedUp) {
       std::vector<Vec3> force(rows.stride(), Vec3::Zero());
       Vec3 total = Vec3::Zero();
       double magnitude = 0.0, power = 0.0, turned = 0.0, scale = 0.0;
+      int pulled = 0;
       for (std::size_t p = 0; p < pairs.n; ++p) {
         const BallRow& a = rows.balls.rows[pairs.i[p]];
         const BallRow& b = rows.balls.rows[pairs.j[p]];
@@ -257,7 +258,9 @@ TEST(Kernels, SweepIsTheScalarLawSummedUp) {
         power += (f - (overlap > 0.0 ? law.law.k * overlap : 0.0)) * rate;
         turned += std::abs(f * rate);
         scale = std::max(scale, std::abs(f));
+        pulled += overlap < 0.0 && f < 0.0;
       }
+      EXPECT_TRUE(fixed || (pulled > 5) == (terms.cohesion > 0.0)) << pulled;  // or cohesion would not be looked at
       const Swept found = sweep(kernels(), rows, fixed, true);
       // Rounding: some 1e-16 of the terms, of which a ball has tens and the sums hundreds, and of the overlap (k times
       // 1e-16 m); and a unit or two per pair for the integers.

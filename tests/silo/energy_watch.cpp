@@ -84,7 +84,9 @@ TEST(EnergyWatch, AddsUpWhatSpoilsARunLittleByLittle) {
 TEST(EnergyWatch, StiffContentIsMeasuredByItsSprings) {
   // Springs that hold 2000 J where the weights would give 1000 J: a run is spoilt above 10 J, not 5 J.
   const core::Energies pressed = energies(0.0, 2000.0);
-  const auto look = [&](double created) { return EnergyWatch{pressed, pressed, core::Ledger{}, 1000.0}.look(energies(0.0, 2000.0 + created), {}); };
+  const auto look = [&](double created) {
+    return EnergyWatch{pressed, pressed, core::Ledger{}, 1000.0}.look(energies(0.0, 2000.0 + created), core::Ledger{});
+  };
   ASSERT_TRUE(look(9.9) && look(10.1));
   EXPECT_FALSE(look(9.9)->spoils);
   EXPECT_TRUE(look(10.1)->spoils);
