@@ -6,7 +6,7 @@
   --only NAME... --seed N   some kinds of fault; other moments
 Every case has a number of its own from the seed; a failure prints it, and `--only NAME --seed N` repeats it.
 
-GRAINCLOCK_PROGRAM is the program, GRAINCLOCK_FAULT_SHIM the library of shim.c.
+GRAINCLOCK_PROGRAM is the program, GRAINCLOCK_FAULT_SHIM the library of shim.c; those of build/release if not set.
 After each fault:
   1. run.h5, if there is one, opens with h5py alone, and its frames are bit for bit those of the undisturbed run;
   2. no other file under a final name is half-written: each HDF5 file opens, each text is whole;
@@ -33,8 +33,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-PROGRAM = os.environ["GRAINCLOCK_PROGRAM"]
-SHIM = os.environ["GRAINCLOCK_FAULT_SHIM"]
+BUILD = Path(__file__).resolve().parents[2] / "build/release"
+PROGRAM = os.environ.get("GRAINCLOCK_PROGRAM", BUILD / "bin/grainclock")
+SHIM = os.environ.get("GRAINCLOCK_FAULT_SHIM", BUILD / "tests/faults/libfault_shim.so")
 LONGEST = 1800  # s, for any call: a machine that others use may stop us for a while
 # Lists are built at other times after a restart, and so are of another length: the work differs, not the result.
 NOT_COMPARED = {"contact_evaluations"}
@@ -192,8 +193,9 @@ def contents(path):
 
     def note(name, item):
         if isinstance(item, h5py.Dataset) and not name.startswith("provenance"):
-            values = item[()]
-            found[name] = (item.shape, values.tobytes() if isinstance(values, np.ndarray) else np.asarray(values).tobytes())
+            values = np.asarray(item[()])
+            # An array of objects (texts) holds places in memory, which differ from file to file.
+            found[name] = (item.shape, values.tolist() if values.dtype == object else values.tobytes())
 
     with h5py.File(path, "r") as file:
         file.visititems(note)
