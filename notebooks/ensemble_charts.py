@@ -233,7 +233,7 @@ def verdict(ensemble, name):
         known = np.isfinite(found.low)
         if known.any():
             scale = np.nanmax(ensemble.base.envelope(of).mean)
-            texts.append(f"{text}: {int(found.differs.sum())} of {int(known.sum())} layers differ; differences are {100 * np.nanmax(np.abs(found.mean)) / scale:.2g} % of the largest "
+            texts.append(f"{text}: {int(found.differs.sum())} of {int(known.sum())} layers differ; differences are {100 * np.nanmax(np.abs(found.mean)) / scale:.1f} % of the largest "
                          f"pressure at most, their intervals ± {100 * np.nanmedian(found.high - found.mean) / scale:.2g} % (median)")
     told = [(quantity, ensemble.difference(name, quantity.of)) for quantity in QUANTITIES]
     known = [(quantity, found) for quantity, found in told if np.isfinite(found.low)]
