@@ -150,7 +150,7 @@ def draw_numbers(figure, ensemble, name):
         place = percent * float(found.mean)
         axes.plot(percent * (np.array([base.min, base.max]) - base.mean), [k, k], color=BASE, lw=9, alpha=0.18, solid_capstyle="butt")
         axes.plot(percent * np.array([found.low, found.high]), [k, k], color=OTHER, lw=2.5, alpha=0.6)
-        beyond = abs(place) > REACH
+        beyond = bool(abs(place) > REACH)
         axes.plot(np.clip(place, -REACH, REACH), k, (">" if place > 0 else "<") if beyond else "o", color=OTHER, ms=7 if beyond else 5,
                   mec=RED if found.differs else OTHER, mew=1.5, clip_on=False)
         told = ["differs"] * bool(found.differs) + [f"{place:+.0f} %".replace("-", "\N{MINUS SIGN}")] * beyond
