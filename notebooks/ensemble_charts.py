@@ -5,23 +5,33 @@ where it is the base itself), and raises NothingToDraw where there is nothing to
 """
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from ensemble_data import (CONFIDENCE, PRESSURE, QUANTITIES, at_rest, charts, flow_over_static, hammer_over_static, highest_over_static, in_flow, of_flow,
-                           of_rest, pressure_above_transition, rate_over_time, relief, rest_of, series, steady, time_grid, uneven_around)
+                           of_rest, pressure_above_transition, rate_over_time, relief, rest_of, series, steady, time_grid, uneven_around, whole)
 from charts import INK, MUTED, NothingToDraw, soft_grid
 
 BASE, OTHER, RED = "#0072b2", "#d55e00", "#b2182b"
+SHUT = "#f7d7cf"     # the hammer
+REACH = 60.0         # %, of the chart of numbers
 THEORIES = (("janssen_by_layer", "Janssen", "#009e73"), ("frictionless_by_layer", "frictionless", "#8c5aa8"), ("water_by_layer", "water", "#56b4e9"))
 
 
 # ------------------------------------------------------------------ bands
 
 def draw_band(axes, place, found, colour, label, along_x=True):
-    """Mean, its interval (dark) and the lowest to the highest run (light)."""
+    """Mean, its interval (band), the lowest and the highest run (thin lines: of few runs the interval is the wider one)."""
     fill = axes.fill_between if along_x else axes.fill_betweenx
-    fill(place, found.min, found.max, color=colour, alpha=0.13, lw=0)
-    fill(place, found.low, found.high, color=colour, alpha=0.3, lw=0)
-    axes.plot(*((place, found.mean) if along_x else (found.mean, place)), color=colour, lw=1.8, label=label)
+    fill(place, found.low, found.high, color=colour, alpha=0.25, lw=0)
+    for values, width, text in ((found.min, 0.6, None), (found.max, 0.6, None), (found.mean, 1.8, label)):
+        axes.plot(*((place, values) if along_x else (values, place)), color=colour, lw=width, label=text)
+
+
+def legend_above(figure, axes, side="left"):
+    """Over all panels, where it hides nothing."""
+    figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.28 / figure.get_figheight()))
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, frameon=False, fontsize=9.5, ncols=len(labels), loc=f"upper {side}")
 
 
 def label_of(variant):
@@ -53,7 +63,9 @@ def draw_pressure(figure, ensemble, name):
         draw_band(axes, z, scaled(variant.envelope(of(PRESSURE)), 1e-3), BASE, label_of(variant), along_x=False)
         for theory, text, colour in THEORIES:
             axes.plot(1e-3 * variant.envelope(of(theory)).mean, z, color=colour, lw=1.4, ls=(0, (5, 3)), label=text)
-        axes.set_xlim(0, None)
+    widest = max(axes.get_xlim()[1] for axes in panels[:2])
+    for axes in panels[:2]:
+        axes.set_xlim(0, widest)
     z = height_axes(panels[2], ensemble, "dynamic over static pressure")
     panels[2].axvline(1, color=INK, lw=0.8)
     for of, text, colour in ((flow_over_static, "discharge, mean", BASE), (highest_over_static, "discharge, highest", OTHER), (hammer_over_static, "hammer, highest", RED)):
@@ -61,7 +73,7 @@ def draw_pressure(figure, ensemble, name):
     panels[2].set_xlim(0, None)
     panels[0].set_ylabel("height z  [m]")
     panels[0].legend(frameon=False, fontsize=9.5)
-    panels[2].legend(frameon=False, fontsize=9.5, loc="upper left")
+    legend_above(figure, panels[2], "right")
 
 
 def scaled(found, factor):
@@ -71,6 +83,8 @@ def scaled(found, factor):
 def draw_time(figure, ensemble, name):
     """Rate, density, crystals and the pressure above the transition over time."""
     time = time_grid(ensemble)
+    story = next(iter(ensemble.base.stories.values()))
+    shut = story.hammer_phase
     rows = ((rate_over_time(time), 1, "discharge\n[balls/s]"), (series("density", time), 1, "packing\nfraction"),
             (series("crystalline_share", time), 100, "balls in\ncrystals  [%]"), (pressure_above_transition(time), 1e-3, "pressure above\ntransition  [kPa]"))
     all_axes = figure.subplots(len(rows), 1, sharex=True)
@@ -78,25 +92,30 @@ def draw_time(figure, ensemble, name):
         for variant, colour in shown(ensemble, name):
             draw_band(axes, time, scaled(variant.envelope(of), factor), colour, label_of(variant))
         axes.axvline(0, color=MUTED, lw=1)
+        if shut:
+            axes.axvspan(shut.begin - story.opened, shut.end - story.opened, color=SHUT, lw=0, zorder=0)
         axes.set_ylabel(text)
         soft_grid(axes)
     all_axes[1].margins(y=0.3)
+    all_axes[2].set_ylim(0, None)  # intervals of few runs reach below
     all_axes[-1].set(xlabel="time since the opening  [s]", xlim=(time[0], time[-1]))
-    all_axes[0].legend(frameon=False, fontsize=9.5, ncols=2, loc="lower left", bbox_to_anchor=(0, 1))
+    legend_above(figure, all_axes[0])
 
 
 def draw_layers(figure, ensemble, name):
     """Profiles of a variant beside the base's, and below them the differences."""
     if name == ensemble.base.name:
         raise NothingToDraw("the base has nothing to differ from")
-    columns = ((at_rest(PRESSURE), 1e-3, "pressure at rest  [kPa]"), (in_flow(PRESSURE), 1e-3, "in the discharge  [kPa]"),
-               (at_rest("packing_by_layer"), 1, "packing fraction at rest"), (in_flow("packing_by_layer"), 1, "in the discharge"))
+    columns = ((at_rest(PRESSURE), 1e-3, "pressure at rest", "kPa"), (in_flow(PRESSURE), 1e-3, "in the discharge", "kPa"),
+               (whole(at_rest("packing_by_layer")), 100, "packing fraction at rest", "%"), (whole(in_flow("packing_by_layer")), 100, "in the discharge", "%"))
     top, below = figure.subplots(2, len(columns), sharey=True)
-    for axes, difference_axes, (of, factor, text) in zip(top, below, columns):
-        z = height_axes(axes, ensemble, text)
+    for axes, difference_axes, (of, factor, text, unit) in zip(top, below, columns):
+        z = height_axes(axes, ensemble, f"{text}  [{unit}]")
         for variant, colour in shown(ensemble, name):
             draw_band(axes, z, scaled(variant.envelope(of), factor), colour, label_of(variant), along_x=False)
-        height_axes(difference_axes, ensemble, "difference")
+        height_axes(difference_axes, ensemble, f"difference  [{unit}]")
+        for panel in (axes, difference_axes):
+            panel.xaxis.set_major_locator(MaxNLocator(4))
         found = ensemble.difference(name, of)
         difference_axes.axvline(0, color=INK, lw=0.8)
         difference_axes.hlines(z, factor * found.low, factor * found.high, color=OTHER, lw=2.5, alpha=0.45)
@@ -104,8 +123,7 @@ def draw_layers(figure, ensemble, name):
         difference_axes.plot(factor * found.mean[found.differs], z[found.differs], "o", ms=10, mfc="none", mec=RED, mew=1.4)
     for axes in (top[0], below[0]):
         axes.set_ylabel("height z  [m]")
-    figure.get_layout_engine().set(rect=(0, 0, 1, 0.96))
-    figure.legend(*top[0].get_legend_handles_labels(), frameon=False, fontsize=9.5, ncols=2, loc="upper left")
+    legend_above(figure, top[0])
 
 
 def draw_uneven(figure, ensemble, name):
@@ -116,7 +134,7 @@ def draw_uneven(figure, ensemble, name):
             draw_band(axes, z, scaled(variant.envelope(uneven_around(mask_of)), 100), colour, label_of(variant), along_x=False)
         axes.set_xlim(0, None)
     figure.axes[0].set_ylabel("height z  [m]")
-    figure.axes[0].legend(frameon=False, fontsize=9.5)
+    legend_above(figure, figure.axes[0])
 
 
 def draw_numbers(figure, ensemble, name):
@@ -129,17 +147,20 @@ def draw_numbers(figure, ensemble, name):
         if not base.mean:
             continue
         percent = 100 / abs(base.mean)
+        place = percent * float(found.mean)
         axes.plot(percent * (np.array([base.min, base.max]) - base.mean), [k, k], color=BASE, lw=9, alpha=0.18, solid_capstyle="butt")
         axes.plot(percent * np.array([found.low, found.high]), [k, k], color=OTHER, lw=2.5, alpha=0.6)
-        axes.plot(percent * found.mean, k, "o", color=OTHER, ms=5, mec=RED if found.differs else OTHER, mew=1.5)
-        if found.differs:
-            axes.annotate("differs", (1, k), xycoords=("axes fraction", "data"), xytext=(4, 0), textcoords="offset points", color=RED, fontsize=9, va="center")
+        beyond = bool(abs(place) > REACH)
+        axes.plot(np.clip(place, -REACH, REACH), k, (">" if place > 0 else "<") if beyond else "o", color=OTHER, ms=7 if beyond else 5,
+                  mec=RED if found.differs else OTHER, mew=1.5, clip_on=False)
+        told = ["differs"] * bool(found.differs) + [f"{place:+.0f} %".replace("-", "\N{MINUS SIGN}")] * beyond
+        axes.annotate(", ".join(told), (1, k), xycoords=("axes fraction", "data"), xytext=(8, 0), textcoords="offset points", fontsize=9, va="center",
+                      color=RED if found.differs else MUTED)
     axes.axvline(0, color=INK, lw=0.8)
     axes.set_yticks(range(len(QUANTITIES)), [quantity.text for quantity in QUANTITIES])
     axes.set(ylim=(len(QUANTITIES) - 0.5, -0.5), xlabel="difference over the base's mean  [%]; blue: the base's runs")
-    axes.tick_params(axis="y", length=0, labelcolor=INK, labelsize=9.5)
-    reach = axes.get_xlim()
-    axes.set_xlim(max(reach[0], -60), min(reach[1], 60))
+    axes.tick_params(axis="y", length=0, pad=9, labelcolor=INK, labelsize=9.5)
+    axes.set_xlim(-REACH, REACH)
     axes.grid(True, axis="x", color="#e3e6ea", lw=0.8)
 
 
@@ -213,12 +234,13 @@ def verdict(ensemble, name):
         if known.any():
             scale = np.nanmax(ensemble.base.envelope(of).mean)
             texts.append(f"{text}: {int(found.differs.sum())} of {int(known.sum())} layers differ; differences are {100 * np.nanmax(np.abs(found.mean)) / scale:.1f} % of the largest "
-                         f"pressure at most, their intervals ± {100 * np.nanmedian(found.high - found.mean) / scale:.1f} % (median)")
+                         f"pressure at most, their intervals ± {100 * np.nanmedian(found.high - found.mean) / scale:.2g} % (median)")
     told = [(quantity, ensemble.difference(name, quantity.of)) for quantity in QUANTITIES]
     known = [(quantity, found) for quantity, found in told if np.isfinite(found.low)]
     if not known:
         raise NothingToDraw(f"the variant {name} has too few runs for an interval")
     texts.append(f"{sum(bool(found.differs) for _, found in known)} of {len(known)} numbers differ")
     how = "pairs of runs that share the filling" if ensemble.is_paired(name) else "independent runs (Welch)"
-    return (f"{ensemble[name].text} against {ensemble.base.text}, {how}. " + "; ".join(texts).capitalize() +
+    sentence = lambda text: text[:1].upper() + text[1:]
+    return (sentence(f"{ensemble[name].text} against {ensemble.base.text}, {how}. ") + sentence("; ".join(texts)) +
             f". Where nothing differs in truth, {100 * (1 - CONFIDENCE):.0f} % of the intervals miss 0 by chance.")

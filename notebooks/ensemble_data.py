@@ -19,6 +19,7 @@ CONFIDENCE = 0.95
 SECTORS = 16        # around the axis, in which the unevenness of a layer's pressure is taken
 RATE_OVER = 1.0     # s, over which balls that leave are counted
 BEFORE = 1.0        # s of rest shown before the opening
+FULL = 0.9          # of the median packing fraction: a layer below it is not filled
 HEAVY = 0.1         # of the largest pressure by theory: layers below it are not compared with it
 
 
@@ -170,6 +171,14 @@ def steady(story):
     """The discharge before the hammer without its first seconds, in which the pressure of the rest is freed."""
     mask = story.discharge & story.steady_flow()
     return mask if mask.any() else story.discharge
+
+
+def whole(profile):
+    """A profile of packing fractions without the layers that the content does not fill, those of its surface."""
+    def of(story):
+        values = profile(story)
+        return np.where(values > FULL * np.nanmedian(values), values, np.nan)
+    return of
 
 
 def highest_over_static(story):

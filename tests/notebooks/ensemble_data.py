@@ -192,6 +192,15 @@ class Numbers(unittest.TestCase):
                         ensemble_charts.figure_of(chart, ensemble, name).savefig(self.directory / "chart.png", dpi=40)
         self.assertRaises(NothingToDraw, ensemble_charts.figure_of, "time", ensemble, "none")
 
+    def test_layers_that_are_not_full_are_left_out(self):
+        found = data.whole(lambda story: np.array([0.56, 0.62, 0.64, 0.64, 0.32]))(None)  # 0.9 of the median: 0.558
+        np.testing.assert_array_equal(found, [0.56, 0.62, 0.64, 0.64, np.nan])
+
+    def test_a_difference_beyond_the_scale_is_told(self):
+        ensemble = data.Ensemble([self.variant("base", (90e3, 100e3)), self.variant("faster", (90e3, 100e3), rate=90.0), self.variant("slower", (90e3, 100e3), rate=10.0)])
+        for name, told in (("faster", "differs, +80 %"), ("slower", "differs, \N{MINUS SIGN}80 %")):
+            self.assertIn(told, [text.get_text() for text in ensemble_charts.figure_of("numbers", ensemble, name).axes[0].texts])
+
     def test_one_run_of_each_is_drawn_without_intervals(self):
         ensemble = data.Ensemble([self.variant("base", (90e3,)), self.variant("higher", (91e3,))], missing=3)
         for chart in ensemble_charts.CHARTS:
