@@ -493,12 +493,12 @@ def signalled(*signals, between=0.0):
             process.send_signal(one)
             time.sleep(between * numbers.random())
         code, out, err = end(process)
-        if code in {-one for one in signals}:  # only before it has made its directory there is nothing to stop in order
-            require(signal.SIGKILL in signals or not directory.exists() or not list(directory.iterdir()), f"died of signal {-code}, and left a directory")
+        if code in {-one for one in signals} - {-signal.SIGKILL}:  # only before it has made its directory there is nothing to stop in order
+            require(not directory.exists() or not list(directory.iterdir()), f"died of signal {-code}, and left a directory")
             shutil.rmtree(directory, ignore_errors=True)
-            return "stopped before anything was written" if signal.SIGKILL not in signals else "killed"
-        require(code in (0, 5), f"exit {code}: {err}")
-        require(code == 0 or ("stopped by SIG" in err and checkpoints(directory)), err)
+            return "stopped before anything was written"
+        require(code in (0, 5) or (code == -signal.SIGKILL and signal.SIGKILL in signals), f"exit {code}: {err}")
+        require(code != 5 or ("stopped by SIG" in err and checkpoints(directory)), err)
         return settle(directory, case)
 
     return attempt
