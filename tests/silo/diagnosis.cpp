@@ -8,6 +8,7 @@
 #include "tests/support/packing.hpp"
 #include "tests/support/scratch.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -76,9 +77,14 @@ TEST(Diagnosis, NamesABallThatRattles) {
   // Three mean diameters around the worst ball, whatever their kind.
   const auto position = file.read_vectors("balls/position");
   const auto ids = file.read<std::int64_t>("balls/id");
-  const Vec3 center = position[static_cast<std::size_t>(std::find(ids.begin(), ids.end(), worst) - ids.begin())];
+  const auto at = static_cast<std::size_t>(std::find(ids.begin(), ids.end(), worst) - ids.begin());
+  const Vec3 center = position[at];
   for (const Vec3& x : position) EXPECT_LE((x - center).norm(), 3.0 * 2.0 * 0.225);
   EXPECT_GT(ids.size(), 20U);
+  // Its own bound, and not that of another.
+  const auto critical = file.read<double>("balls/critical_step");
+  ASSERT_NE(critical[at], critical[0]);
+  expect_says(text, {fmt::format("step 0.0002 s, dt/dt_crit {:.3g}\n", 2e-4 / critical[at]).c_str()});
 }
 
 TEST(Diagnosis, IsSilentBelowTheBound) {
