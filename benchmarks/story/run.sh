@@ -1,8 +1,8 @@
 #!/bin/sh
 # The paper's whole story on its full silo (fill, rest, discharge, hammer, until it is empty): wall time over simulated
 # time, uniform and selective steps one after the other, on all cores.
-#   benchmarks/story/run.sh              table and chart in out/story (most of an hour on two cores)
-#   benchmarks/story/run.sh --only M     one method: uniform (five minutes) or multirate
+#   benchmarks/story/run.sh              table and chart in out/story (an hour on two cores)
+#   benchmarks/story/run.sh --only M     one method: uniform (13 minutes) or multirate
 #   benchmarks/story/run.sh --quick      a small silo (a minute)
 #   benchmarks/story/run.sh --threads N  default: all cores
 set -eu
