@@ -24,7 +24,8 @@ std::vector<std::string> options(std::string_view text) {
 }
 
 bool is_small(const core::Scene& scene) {
-  return !scene.has_silo || (*scene.silo)["balls"].value_or(std::int64_t{1} << 40) <= static_cast<std::int64_t>(kSmall);
+  const toml::value<std::int64_t>* balls = scene.has_silo ? (*scene.silo)["balls"].as_integer() : nullptr;
+  return !scene.has_silo || (balls && balls->get() <= static_cast<std::int64_t>(kSmall));
 }
 
 }  // namespace
