@@ -102,16 +102,17 @@ make_state() {  # make_state FILE SCENE [OPTION...]: runs the scene and keeps it
 }
 start_state() {  # start_state NAME SEED: the flowing silo beside its scene
   name=$1 seed=$2
-  # Filling and opening are kept apart, so that either can be used again; a key names all that a state comes from.
-  filled=build/cache/$name-filled-$(key silo/scenes/$name-filled.toml "$seed").h5
-  cached=build/cache/$name-flow-$(key silo/scenes/$name-filled.toml silo/scenes/$name-open.toml "$seed").h5
+  known=$(sed -n "s/^$name $seed //p" benchmarks/start-states.txt)
+  # Filling and opening are kept apart, so that either can be used again; a key names all that a state comes from, and what
+  # is recorded of it: where rounding has changed since, the record has too.
+  filled=build/cache/$name-filled-$(key silo/scenes/$name-filled.toml "$seed" "$known").h5
+  cached=build/cache/$name-flow-$(key silo/scenes/$name-filled.toml silo/scenes/$name-open.toml "$seed" "$known").h5
   if [ ! -e "$cached" ]; then
     [ -e "$filled" ] || make_state "$filled" silo/scenes/$name-filled.toml --set "seed=$seed"
     make_state "$cached" silo/scenes/$name-open.toml --set "initial.state=\"$filled\""
   fi
   # The same scene gives the same state to the bit; another compiler or mathematics library may not.
   sum=$("$program" info "$cached" | sed -n 's/^checksum: //p')
-  known=$(sed -n "s/^$name $seed //p" benchmarks/start-states.txt)
   if [ -z "$known" ] || [ "$sum" = "$known" ]; then
     echo "start state $name, seed $seed: checksum $sum${known:+, as recorded}"
   else

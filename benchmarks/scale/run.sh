@@ -53,11 +53,12 @@ cmake --preset release >/dev/null
 cmake --build --preset release --target grainclock scale_state scale_measure -j "$(nproc)"
 bin=build/release/bin
 
-# The original, under the name that ./run.sh gives it: the scene, the seed and the format of states make the key.
+# The original, under the name that ./run.sh gives it: scene, seed, what is recorded of it, and the format of states make the key.
 step "States"
 mkdir -p build/cache "$out"
 scene=silo/scenes/table1-filled.toml
-original=build/cache/table1-filled-$( (cat $scene; printf '1, states 2\n') | sha256sum | cut -c1-16).h5
+known=$(sed -n 's/^table1 1 //p' benchmarks/start-states.txt)
+original=build/cache/table1-filled-$( (cat $scene; printf '%s, states 2\n' 1 "$known") | sha256sum | cut -c1-16).h5
 if [ ! -e "$original" ]; then
   rm -rf "$original.work"
   $bin/grainclock run $scene --out "$original.work" --threads "$(nproc)" --set seed=1
