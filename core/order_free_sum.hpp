@@ -21,7 +21,9 @@ double order_free_sum(std::uint32_t n, ValueOf value_of) {
   for (std::uint32_t k = 0; k < n; ++k) largest = std::max(largest, value_of(k));
   const double unit = order_free_unit(largest);
   std::int64_t sum = 0;
-  for (std::uint32_t k = 0; k < n; ++k) sum += static_cast<std::int64_t>(value_of(k) / unit + 0.5);
+  // At most 2^38 units: adding a half is exact but just below a half.
+  for (std::uint32_t k = 0; k < n; ++k)
+    sum += static_cast<std::int64_t>(value_of(k) / unit + 0.5);  // NOLINT(bugprone-incorrect-roundings)
   return unit * static_cast<double>(sum);
 }
 
