@@ -43,7 +43,8 @@ int renew_every(const core::Materials& materials, double diameter, double coarse
 class MultirateStepper final : public core::BallStepper {
  public:
   MultirateStepper(const core::State& state, const core::StepperSetup& setup)
-      : BallStepper(state, setup, setup.stepping.levels, StraightPaths::look_ahead(kMostCoarseSteps * setup.stepping.step.value_or(0.0))),
+      : BallStepper(state, setup, setup.stepping.levels,
+                    StraightPaths::look_ahead(kMostCoarseSteps * setup.stepping.step.value_or(0.0))),
         ladder_(step_, setup.stepping.levels),
         renew_every_(renew_every(setup.materials, length_scale_, step_)),
         interval_(renew_every_ * step_),
