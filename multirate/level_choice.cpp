@@ -182,7 +182,8 @@ double LevelChoice::mean_square_speed(const core::Balls& balls) const {
   };
   const double quiet = kQuiet * kQuiet * setup_.gravity.norm() * length_scale_;
   const double still = kStill * omega(setup_.materials, length_scale_) * length_scale_;
-  return std::max({core::order_free_sum(n, square) / std::max(1.0, static_cast<double>(n)), quiet, still * still});
+  // The sum stands last: what is not finite (then the step fails) counts as nothing.
+  return std::max({quiet, still * still, core::order_free_sum(n, square) / std::max(1.0, static_cast<double>(n))});
 }
 
 }  // namespace grainclock::multirate
