@@ -50,10 +50,14 @@ const Kernels& kernels() {
 }
 
 SweepTotals& SweepTotals::operator+=(const SweepTotals& other) {
-  for (int k = 0; k < 3; ++k) force[k] += other.force[k];
-  magnitude += other.magnitude;
-  power += other.power;
-  turned += other.turned;
+  // Sums may wrap where forces are beyond all bounds, as in kernels.cpp: `overloaded` tells, and the step fails.
+  const auto add = [](std::int64_t& to, std::int64_t value) {
+    to = static_cast<std::int64_t>(static_cast<std::uint64_t>(to) + static_cast<std::uint64_t>(value));
+  };
+  for (int k = 0; k < 3; ++k) add(force[k], other.force[k]);
+  add(magnitude, other.magnitude);
+  add(power, other.power);
+  add(turned, other.turned);
   overloaded = overloaded || other.overloaded;
   return *this;
 }

@@ -36,7 +36,7 @@ GC_INLINE Vector shuffled(Vector a, Vector b, Mask mask) {
   for (std::int64_t k = 0; k < kLanes; ++k) out[k] = mask[k] < kLanes ? a[mask[k]] : b[mask[k] - kLanes];
   return out;
 }
-#define __builtin_shuffle shuffled
+#define __builtin_shuffle shuffled  // NOLINT(bugprone-reserved-identifier): what g++ has
 #endif
 
 GC_INLINE Real splat(double value) { return Real{} + value; }
@@ -364,7 +364,7 @@ GC_INLINE void sweep_pairs(const BallRow* rows, const PairSpan& pairs, const Swe
   start(kWidth, ring[1]);
   take_root(ring[0]);
   for (std::size_t p = 0, turn = 0; p < pairs.n; p += kWidth, ++turn) {
-    start(p + 2 * kWidth, ring[(turn + 2) % 4]);
+    start(p + kWidth + kWidth, ring[(turn + 2) % 4]);
     take_root(ring[(turn + 1) % 4]);
     const Evaluated e = evaluate<T, kEvents>(ring[turn % 4], law, lanes);
     store_rows(e.fx, e.fy, e.fz, force[turn % 2]);

@@ -75,7 +75,7 @@ class Extrapolate final : public InterfaceStrategy {
   /// Force sums of slow contacts. Only what is extrapolated depends on them: they need not be the kernels' integers.
   void begin(const BallSteps& steps, const core::BallRow* rows, const Batches& batches) override {
     slow_.assign(steps.level.size(), Slow{});
-    for (Level level = 1; level < batches.levels(); ++level) {
+    for (Level level = 1; int{level} < batches.levels(); ++level) {
       for (const bool fixed : {false, true}) {
         const core::PairList& pairs = fixed ? batches[level].fixed : batches[level].ball;
         for (std::size_t p = 0; p < pairs.count; ++p) {

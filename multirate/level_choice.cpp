@@ -100,7 +100,7 @@ void LevelChoice::find_needs(const Recorded& recorded, const BallSteps& steps) {
 /// Each ball's level from what its pairs need, before the limiter. Uses up the needs of the kinds asked for.
 void LevelChoice::choose_for(Kinds kinds, const Recorded& recorded, const BallSteps& steps, std::vector<Level>& level) {
   std::vector<StepWeights> weights;
-  for (Level l = 0; l < ladder_.levels(); ++l)
+  for (Level l = 0; l <= ladder_.coarsest(); ++l)
     weights.emplace_back(ladder_.step(l), laws_[0], laws_[1], largest_inverse_mass_);
   const NeedParameters with_fixed = need_parameters(true);
   const PairList& pairs = recorded.fixed_pairs;
@@ -182,7 +182,8 @@ double LevelChoice::mean_square_speed(const core::Balls& balls) const {
   };
   const double quiet = kQuiet * kQuiet * setup_.gravity.norm() * length_scale_;
   const double still = kStill * omega(setup_.materials, length_scale_) * length_scale_;
-  return std::max({core::order_free_sum(n, square) / std::max(1.0, static_cast<double>(n)), quiet, still * still});
+  // The sum stands last: what is not finite (then the step fails) counts as nothing.
+  return std::max({quiet, still * still, core::order_free_sum(n, square) / std::max(1.0, static_cast<double>(n))});
 }
 
 }  // namespace grainclock::multirate

@@ -43,7 +43,8 @@ int renew_every(const core::Materials& materials, double diameter, double coarse
 class MultirateStepper final : public core::BallStepper {
  public:
   MultirateStepper(const core::State& state, const core::StepperSetup& setup)
-      : BallStepper(state, setup, setup.stepping.levels, StraightPaths::look_ahead(kMostCoarseSteps * *setup.stepping.step)),
+      : BallStepper(state, setup, setup.stepping.levels,
+                    StraightPaths::look_ahead(kMostCoarseSteps * setup.stepping.step.value_or(0.0))),
         ladder_(step_, setup.stepping.levels),
         renew_every_(renew_every(setup.materials, length_scale_, step_)),
         interval_(renew_every_ * step_),
@@ -123,7 +124,7 @@ class MultirateStepper final : public core::BallStepper {
     out.common_step = choice_.common_step();
     out.ran_out = choice_.ran_out();
     out.listed = static_cast<double>(list_.ball_pairs().count + list_.fixed_pairs().count);
-    for (Level l = 0; l < ladder_.levels(); ++l) {
+    for (Level l = 0; l <= ladder_.coarsest(); ++l) {
       const auto mean = [this](std::int64_t sum, std::size_t now) {
         return coarse_steps_ > 0 ? static_cast<double>(sum) / static_cast<double>(coarse_steps_) : static_cast<double>(now);
       };
@@ -270,7 +271,7 @@ class MultirateStepper final : public core::BallStepper {
     ++steps_done_;
     ++coarse_steps_;
     book_gravity(step_);
-    for (Level l = batches_.finest(); l < ladder_.levels(); ++l) {
+    for (Level l = batches_.finest(); l <= ladder_.coarsest(); ++l) {
       balls_at_[l] += static_cast<std::int64_t>(batches_.balls(l));
       contacts_at_[l] += static_cast<std::int64_t>(batches_.contacts(l));
       costs_.ball_updates += batches_.balls(l) << (ladder_.coarsest() - l);

@@ -36,7 +36,7 @@ std::vector<double> values_at(const std::string& data, std::size_t offset) {
   std::uint64_t length = 0;
   std::memcpy(&length, data.data() + offset, sizeof length);
   std::vector<T> values(length / sizeof(T));
-  std::memcpy(values.data(), data.data() + offset + sizeof length, length);
+  if (length > 0) std::memcpy(values.data(), data.data() + offset + sizeof length, length);
   return {values.begin(), values.end()};
 }
 
