@@ -28,7 +28,7 @@ cmake --preset $preset -DGRAINCLOCK_TESTS=ON -DGRAINCLOCK_WERROR=$werror
 if [ -n "$folders" ]; then
   cmake --build --preset $preset -j "$jobs" --target $(printf 'test_%s ' $folders)
   # Whole programs, not test by test: what tests share is made once.
-  printf '%s\n' $folders | xargs -P "$jobs" -I{} "build/$preset/tests/test_{}" --gtest_filter='-Slow*' --gtest_brief=1
+  printf '%s\n' $folders | xargs -P "$jobs" -I{} env "build/$preset/tests/test_{}" --gtest_filter='-Slow*' --gtest_brief=1
   exit 0
 fi
 cmake --build --preset $preset -j "$jobs"
