@@ -695,26 +695,26 @@ AdvanceReport advance(Advance what, BallRow* rows, IntVec* sums, std::size_t str
   return halves(what, rows, sums, stride, parts, opening, inverse_mass, skins, p, begin, end);
 }
 
+/// Three lanes of four; the last is zero.
+GC_INLINE Real4 xyz_of(Real4 v) {
+  const Int4 xyz = {-1, -1, -1, 0};
+  return (Real4)((Int4)v & xyz);
+}
+
 /// Along its parabola by h [s]; the fourth lane of the second half, the bound on the acceleration, stays.
 GC_INLINE void move_row(Real4* row, Real4 a, double h) {
-  const Int4 xyz = {-1, -1, -1, 0};
   const double bound = row[1][3];
-  Real4 v = (Real4)((Int4)row[1] & xyz);
+  Real4 v = xyz_of(row[1]);
   row[0] += h * v + 0.5 * h * h * a;
   v += h * a;
   v[3] = bound;
   row[1] = v;
 }
 
-GC_INLINE Real4 acceleration(const Path& path) {
-  const Int4 xyz = {-1, -1, -1, 0};
-  return (Real4)(*reinterpret_cast<const Int4*>(&path) & xyz);
-}
-
 void drift(BallRow* rows, const Path* paths, RowSpan which, double h) {
   for (std::size_t k = 0; k < which.n; ++k) {
     const std::uint32_t i = which.row[k];
-    move_row(reinterpret_cast<Real4*>(rows + i), acceleration(paths[i]), h);
+    move_row(reinterpret_cast<Real4*>(rows + i), xyz_of(*reinterpret_cast<const Real4*>(paths + i)), h);
   }
 }
 
@@ -727,7 +727,8 @@ void kick_rows(BallRow* rows, Path* paths, IntVec* balance_in, IntVec* opening, 
   for (std::size_t k = 0; k < which.n; ++k) {
     const std::uint32_t i = which.row[k];
     Real4* row = reinterpret_cast<Real4*>(rows + i);
-    Path& path = paths[i];
+    Real4* path = reinterpret_cast<Real4*>(paths + i);
+    Real4 a;
     Int4 force = {}, impulse = {};
     for (int part = 0; part < parts; ++part) {
       Int4* sum = sums + 2 * (static_cast<std::size_t>(part) * stride + i);
@@ -739,20 +740,21 @@ void kick_rows(BallRow* rows, Path* paths, IntVec* balance_in, IntVec* opening, 
     if (level[i] > p.level) {
       // In mid-step: the trapezoid's inner points count twice.
       balance[i] += impulse + impulse;
+      if constexpr (kDrift) a = xyz_of(*path);
     } else {
-      const double inertia = p.unit * path.inverse_mass;
+      const double inverse_mass = (*path)[3], inertia = p.unit * inverse_mass;
       Real4 v = row[1] + __builtin_convertvector(balance[i] + impulse, Real4) * (p.half_tick * inertia);
-      const Real4 a = gravity + __builtin_convertvector(force, Real4) * inertia;
+      a = gravity + __builtin_convertvector(force, Real4) * inertia;
       v[3] = three_sum(magnitude4(a));
       row[1] = v;
-      path.ax = a[0];
-      path.ay = a[1];
-      path.az = a[2];
+      Real4 next = a;
+      next[3] = inverse_mass;
+      *path = next;  // whole, and not read again: a vector read from parts just written would wait for them
       if constexpr (!kDrift) *reinterpret_cast<Int4*>(opening + i) = force;
       // The next step's path takes the force as constant; its balance begins with what that is wrong by.
       balance[i] = impulse - (force << (level[i] + 1));
     }
-    if constexpr (kDrift) move_row(row, acceleration(path), p.drift);
+    if constexpr (kDrift) move_row(row, a, p.drift);
   }
 }
 
