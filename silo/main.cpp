@@ -181,7 +181,8 @@ void open_standard_streams() {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+// What may be thrown still is lack of memory for a line of text.
+int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape)
   open_standard_streams();
   CLI::App app("grainclock: multi-rate discrete elements for granular material in silos. SI units everywhere.", "grainclock");
   app.set_version_flag("--version", "grainclock " + silo::version());

@@ -59,7 +59,7 @@ std::vector<std::int64_t> chosen_frames(const RunReader& run, std::optional<doub
 /// Where the file goes. Throws FileError now rather than after all the work.
 std::filesystem::path output_of(const std::filesystem::path& run, const MeasureOptions& options) {
   if (options.output.empty()) return (std::filesystem::is_directory(run) ? run : run.parent_path()) / "measures.h5";
-  const std::filesystem::path output = options.output;
+  std::filesystem::path output = options.output;
   if (output.has_parent_path() && !std::filesystem::is_directory(output.parent_path()))
     throw core::FileError(fmt::format("{}: there is no directory {} to write it to", output.string(), output.parent_path().string()));
   return output;

@@ -25,10 +25,10 @@ using Harmonics = Eigen::Matrix<double, 13, 1>;
 Harmonics harmonics(const Vec3& unit) {
   const double theta = std::atan2(std::hypot(unit[0], unit[1]), unit[2]), phi = std::atan2(unit[1], unit[0]);
   Harmonics h;
-  for (unsigned m = 0; m <= 6; ++m) {
-    const double both = std::sqrt((m > 0 ? 8.0 : 4.0) * std::numbers::pi / 13.0) * std::sph_legendre(6U, m, theta);
-    h[2 * m] = both * std::cos(m * phi);
-    if (m > 0) h[2 * m - 1] = both * std::sin(m * phi);
+  for (Eigen::Index m = 0; m <= 6; ++m) {
+    const double both = std::sqrt((m > 0 ? 8.0 : 4.0) * std::numbers::pi / 13.0) * std::sph_legendre(6U, static_cast<unsigned>(m), theta);
+    h[2 * m] = both * std::cos(static_cast<double>(m) * phi);
+    if (m > 0) h[2 * m - 1] = both * std::sin(static_cast<double>(m) * phi);
   }
   return h;
 }

@@ -61,7 +61,7 @@ std::string Report::text(int indent) const {
     out += margin + entry.line + "\n";
     for (const Report& part : entry.part) out += part.text(indent + 2);
   }
-  for (const std::string& warning : warnings_) out += margin + "warning: " + warning + "\n";
+  for (const std::string& warning : warnings_) out += fmt::format("{}warning: {}\n", margin, warning);
   return out;
 }
 

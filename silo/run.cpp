@@ -127,8 +127,8 @@ class Run {
 
   /// Time of a step of the phase [s], never summed up: whole frames of `every` and whole steps beyond them.
   double time_at(std::int64_t steps) const {
-    const std::int64_t n = steps_per_frame();
-    return at_.phase_start + static_cast<double>(steps / n) * phase().every + static_cast<double>(steps % n) * at_.step;
+    const std::int64_t n = steps_per_frame(), frames = steps / n;
+    return at_.phase_start + static_cast<double>(frames) * phase().every + static_cast<double>(steps % n) * at_.step;
   }
 
   void go() {
@@ -153,7 +153,7 @@ class Run {
   }
 
   /// A new stepper for the phase at_.phase from this state; `before`: the stepper that it takes over from.
-  void start_phase(State state, const Stepper* before) {
+  void start_phase(const State& state, const Stepper* before) {
     StepperSetup setup = setup_of(phase(), state);
     if (before) {
       setup.ledger = at_.ledger;
@@ -201,7 +201,7 @@ class Run {
       at_.first_collar = -1;
     }
     if (was_open && !phase().outlet_open) cut_off(state);
-    start_phase(std::move(state), stepper_.get());
+    start_phase(state, stepper_.get());
   }
 
   /// Closing the outlet: the gate takes the balls that it would shut in.

@@ -35,7 +35,7 @@ Vtp::Vtp(Cells cells, double time, const std::vector<Vec3>& points)
 
 template <class T>
 std::string Vtp::element(const char* type, const std::string& name, int components, const std::vector<T>& values) {
-  const std::string xml =
+  std::string xml =
       fmt::format("<DataArray type=\"{}\" Name=\"{}\" NumberOfComponents=\"{}\" format=\"appended\" offset=\"{}\"{}/>\n", type, name, components,
                   bytes_.size(), name == "TimeValue" ? " NumberOfTuples=\"1\"" : "");  // of field data no count is said elsewhere
   const std::uint64_t length = values.size() * sizeof(T);

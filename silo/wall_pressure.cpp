@@ -71,9 +71,9 @@ LayerModes fit_modes(const std::vector<const WallLoad*>& loads, int highest) {
     area[i] = load.area;
     pressure[i] = load.pressure();
     waves(i, 0) = 1.0;
-    for (int m = 1; m <= highest; ++m) {
-      waves(i, 2 * m - 1) = std::cos(m * load.angle);
-      waves(i, 2 * m) = std::sin(m * load.angle);
+    for (Eigen::Index m = 1; m <= highest; ++m) {
+      waves(i, 2 * m - 1) = std::cos(static_cast<double>(m) * load.angle);
+      waves(i, 2 * m) = std::sin(static_cast<double>(m) * load.angle);
     }
   }
   const Eigen::VectorXd root = area.cwiseSqrt();
@@ -83,9 +83,9 @@ LayerModes fit_modes(const std::vector<const WallLoad*>& loads, int highest) {
   if (pressure.isZero(0.0)) return unknown_modes(0.0, highest);
 
   LayerModes modes{found[0], {}, 0.0};
-  for (int m = 1; m <= highest; ++m) {
+  for (Eigen::Index m = 1; m <= highest; ++m) {
     const double c = found[2 * m - 1], s = found[2 * m];
-    modes.mode.push_back({std::hypot(c, s) / modes.mean, std::atan2(s, c) / m});
+    modes.mode.push_back({std::hypot(c, s) / modes.mean, std::atan2(s, c) / static_cast<double>(m)});
   }
   // A sum 2 A p cos / sum A of independent p has variance 2 sum A^2 p^2 / (sum A)^2; cosine and sine add up.
   const double misfit = area.cwiseProduct(pressure - waves * found).norm();
