@@ -75,7 +75,8 @@ void add_line(std::vector<LayerStress>& stress, const Layers& layers, const Vec3
   const double vertical = force[2] * line[2], horizontal = 0.5 * (force[0] * line[0] + force[1] * line[1]);
   const double low = std::min(end[2], end[2] - line[2]), high = std::max(end[2], end[2] - line[2]);
   const double height = (layers.z1 - layers.z0) / layers.n;
-  const auto layer_of = [&](double z) { return static_cast<int>(std::clamp(std::floor((z - layers.z0) / height), -1.0, static_cast<double>(layers.n))); };
+  const double above = layers.n;
+  const auto layer_of = [&](double z) { return static_cast<int>(std::clamp(std::floor((z - layers.z0) / height), -1.0, above)); };
   for (int k = std::max(0, layer_of(low)); k <= std::min(layers.n - 1, layer_of(high)); ++k) {
     const double inside = std::min(high, layers.z0 + (k + 1.0) * height) - std::max(low, layers.z0 + k * height);
     const double share = high > low ? std::max(0.0, inside) / (high - low) : 1.0;
