@@ -16,6 +16,9 @@
 // to the accuracy at which the finer ball's last sub-step tells its path over both.
 #include "multirate/interface.hpp"
 
+#include <algorithm>
+#include <array>
+
 #include <cmath>
 
 namespace grainclock::multirate {
@@ -34,37 +37,22 @@ class Extrapolate final : public InterfaceStrategy {
     setup_.kernels.drift(rows, steps.paths.data(), which, seconds);
   }
 
+  /// Balls without slow contacts move as in accumulate.
   void kick(core::BallRow* rows, BallSteps& steps, const SummedRows& which, const core::KickParameters& p) override {
-    for (std::size_t k = 0; k < which.rows.n; ++k) {
-      const std::uint32_t i = which.rows.row[k];
-      const core::WeightedSum sum = steps.take_sums(i, which);
-      IntVec& balance = steps.balance[i];
-      const Level level = steps.level[i];
-      if (level > p.level) {
-        for (int a = 0; a < 3; ++a) balance.v[a] += 2 * sum.impulse.v[a];
-        continue;
+    std::array<std::uint32_t, kRowsAtOnce> plain, slow;
+    for (std::size_t first = 0; first < which.rows.n; first += kRowsAtOnce) {
+      const std::size_t end = std::min(first + kRowsAtOnce, which.rows.n);
+      std::size_t plain_rows = 0, slow_rows = 0;
+      for (std::size_t k = first; k < end; ++k) {
+        const std::uint32_t row = which.rows.row[k];
+        plain[plain_rows] = slow[slow_rows] = row;
+        ++(has_slow_[row] != 0 ? slow_rows : plain_rows);
       }
-      const bool is_between = slow_[i].any && level == p.level;
-      const double per_unit = p.half_tick * (p.unit * steps.paths[i].inverse_mass);
-      double* v[3] = {&rows[i].vx, &rows[i].vy, &rows[i].vz};
-      IntVec force = sum.force;
-      for (int a = 0; a < 3; ++a) {
-        Slow& slow = slow_[i];
-        std::int64_t gain = 0;  // the trapezoid of what extrapolation adds
-        if (is_between) {
-          const std::int64_t change = (slow.now.v[a] - slow.before.v[a]) / 2;
-          force.v[a] += slow.now.v[a] + change;
-          gain = change * ticks_of(level);
-        } else {
-          slow.before.v[a] = slow.now.v[a];
-          slow.now.v[a] = force.v[a] - slow.others.v[a];
-        }
-        *v[a] += static_cast<double>(balance.v[a] + sum.impulse.v[a] + gain) * per_unit;
-        balance.v[a] = sum.impulse.v[a] - gain - force.v[a] * 2 * ticks_of(level);
-      }
-      begin_path(steps, i, rows[i], force, setup_.gravity, p.unit);
+      setup_.kernels.kick(rows, steps.paths.data(), steps.balance.data(), steps.opening.data(), steps.level.data(),
+                          steps.sums_of(which.first), steps.stride, which.parts, {plain.data(), plain_rows}, p);
+      for (std::size_t k = 0; k < slow_rows; ++k) kick_slow(rows[slow[k]], steps, slow[k], which, p);
+      if (p.drift > 0.0) drift(rows, steps, {slow.data(), slow_rows}, p.drift);
     }
-    if (p.drift > 0.0) drift(rows, steps, which.rows, p.drift);
   }
 
   /// As accumulate does it.
@@ -75,6 +63,7 @@ class Extrapolate final : public InterfaceStrategy {
   /// Force sums of slow contacts. Only what is extrapolated depends on them: they need not be the kernels' integers.
   void begin(const BallSteps& steps, const core::BallRow* rows, const Batches& batches) override {
     slow_.assign(steps.level.size(), Slow{});
+    has_slow_.assign(steps.level.size(), 0);
     for (Level level = 1; int{level} < batches.levels(); ++level) {
       for (const bool fixed : {false, true}) {
         const core::PairList& pairs = fixed ? batches[level].fixed : batches[level].ball;
@@ -83,15 +72,15 @@ class Extrapolate final : public InterfaceStrategy {
           const bool slow_for_i = steps.level[i] < level, slow_for_j = !fixed && steps.level[j] < level;
           if (!slow_for_i && !slow_for_j) continue;
           const IntVec force = force_on(rows[i], rows[j], setup_.laws[fixed]);
-          if (slow_for_i) slow_[i].add(force, 1);
-          if (slow_for_j) slow_[j].add(force, -1);
+          if (slow_for_i) add_slow(i, force, 1);
+          if (slow_for_j) add_slow(j, force, -1);
         }
       }
     }
     for (auto& list : slow_rows_) list.clear();
     for (std::uint32_t row = 0; row < slow_.size(); ++row) {
       slow_[row].before = slow_[row].now;
-      if (slow_[row].any) slow_rows_[steps.level[row] + std::size_t{1}].push_back(row);
+      if (has_slow_[row] != 0) slow_rows_[steps.level[row] + std::size_t{1}].push_back(row);
     }
   }
 
@@ -101,16 +90,45 @@ class Extrapolate final : public InterfaceStrategy {
   }
 
  private:
+  static constexpr std::size_t kRowsAtOnce = 256;
+
   /// Of a ball's contacts that are one level coarser than itself; force units.
   struct Slow {
     IntVec now, before, others;  // at their last evaluation, and the one before; `others`: without them
-    bool any = false;
-
-    void add(const IntVec& force, std::int64_t sign) {
-      for (int a = 0; a < 3; ++a) now.v[a] += sign * force.v[a];
-      any = true;
-    }
   };
+  void add_slow(std::uint32_t row, const IntVec& force, std::int64_t sign) {
+    for (int a = 0; a < 3; ++a) slow_[row].now.v[a] += sign * force.v[a];
+    has_slow_[row] = 1;
+  }
+
+  void kick_slow(core::BallRow& ball, BallSteps& steps, std::uint32_t row, const SummedRows& which, const core::KickParameters& p) {
+    const core::WeightedSum sum = steps.take_sums(row, which);
+    IntVec& balance = steps.balance[row];
+    const Level level = steps.level[row];
+    if (level > p.level) {
+      for (int a = 0; a < 3; ++a) balance.v[a] += 2 * sum.impulse.v[a];
+      return;
+    }
+    Slow& slow = slow_[row];
+    const bool is_between = level == p.level;
+    const double per_unit = p.half_tick * (p.unit * steps.paths[row].inverse_mass);
+    double* v[3] = {&ball.vx, &ball.vy, &ball.vz};
+    IntVec force = sum.force;
+    for (int a = 0; a < 3; ++a) {
+      std::int64_t gain = 0;  // the trapezoid of what extrapolation adds
+      if (is_between) {
+        const std::int64_t change = (slow.now.v[a] - slow.before.v[a]) / 2;
+        force.v[a] += slow.now.v[a] + change;
+        gain = change * ticks_of(level);
+      } else {
+        slow.before.v[a] = slow.now.v[a];
+        slow.now.v[a] = force.v[a] - slow.others.v[a];
+      }
+      *v[a] += static_cast<double>(balance.v[a] + sum.impulse.v[a] + gain) * per_unit;
+      balance.v[a] = sum.impulse.v[a] - gain - force.v[a] * 2 * ticks_of(level);
+    }
+    begin_path(steps, row, ball, force, setup_.gravity, p.unit);
+  }
 
   /// On `a`, from `b`.
   static IntVec force_on(const core::BallRow& a, const core::BallRow& b, const core::SweepLaw& law) {
@@ -126,6 +144,7 @@ class Extrapolate final : public InterfaceStrategy {
 
   InterfaceSetup setup_;
   std::vector<Slow> slow_;                             // by row
+  std::vector<std::uint8_t> has_slow_;                 // by row
   std::vector<std::vector<std::uint32_t>> slow_rows_;  // per level of slow contacts
 };
 
