@@ -45,18 +45,13 @@ class LevelChoice {
   bool ran_out() const { return ran_out_; }
 
  private:
-  /// 1/s4, what a ball's smooth pairs and its impacts ask of its step, see classes.hpp.
-  struct Urgency {
-    double smooth4 = 0.0, impact4 = 0.0;
-  };
   /// Which contacts a level is for.
   enum class Kinds { all, ball, fixed };
 
   void find_needs(const Recorded& recorded, const BallSteps& steps);
   void choose_for(Kinds kinds, const Recorded& recorded, const BallSteps& steps, std::vector<Level>& level);
-  void share_error(double error_factor, double Urgency::*urgency4, const std::vector<Level>& before,
+  void share_error(double error_factor, const std::vector<double>& urgency4, double sum4, const std::vector<Level>& before,
                    std::vector<Level>& level);
-  Level classed(double urgency4, double reach4, Level now) const;
   double mean_square_speed(const core::Balls& balls) const;
   NeedParameters need_parameters(bool fixed) const;
   /// Calls work(begin, end) for shares of the content, by threads.
@@ -69,11 +64,11 @@ class LevelChoice {
   Level levels_below_;
   int threads_;
   core::ContactLaw laws_[2];  // among balls, with fixed balls
-  AddNeeds add_needs_;
+  const NeedKernels& need_kernels_;
   std::vector<std::vector<Need>> needs_;  // per thread, of pairs among balls; clear between renewals
   PairsBeyond beyond_;                    // per thread
-  std::vector<Urgency> urgency_;
-  std::vector<double> strides4_;                 // see shared_reach4()
+  std::vector<double> smooth4_, impact4_;  // 1/s4, what a ball's smooth pairs and its impacts ask, see classes.hpp
+  std::vector<double> strides4_;           // see shared_reach4()
   // What balls could take but for hysteresis: errors are shared by it, for a restart knows levels only after the limiter.
   std::vector<Level> able_;
   std::vector<Level> among_balls_, with_fixed_;  // only of contacts with levels of their own
