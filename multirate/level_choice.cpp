@@ -11,7 +11,6 @@ namespace grainclock::multirate {
 
 namespace {
 
-using core::BallRow;
 using core::PairList;
 
 constexpr std::uint32_t kRowsAtOnce = 128;  // rows whose needs from fixed balls are found together
@@ -34,8 +33,7 @@ LevelChoice::LevelChoice(const Ladder& ladder, const core::StepperSetup& setup, 
       threads_(std::max(1, setup.threads)),
       laws_{ball_law, fixed_law},
       need_kernels_(need_kernels_on(*setup.kernels)),
-      needs_(static_cast<std::size_t>(threads_)),
-      beyond_(static_cast<std::size_t>(threads_)) {}
+      needs_(static_cast<std::size_t>(threads_)) {}
 
 template <class Work>
 void LevelChoice::share_balls(Work work) const {
@@ -44,10 +42,13 @@ void LevelChoice::share_balls(Work work) const {
   });
 }
 
-void LevelChoice::follow_order(std::size_t balls) {
-  smooth4_.resize(balls);
-  impact4_.resize(balls);
-  for (std::vector<Need>& needs : needs_) needs.assign(balls, Need{});
+void LevelChoice::follow_order(const core::Balls& balls) {
+  const std::size_t n = balls.content_count();
+  smooth4_.resize(n);
+  impact4_.resize(n);
+  for (std::vector<Need>& needs : needs_) needs.assign(n, Need{});
+  largest_inverse_mass_ = 0.0;
+  for (const double inverse : balls.inverse_mass) largest_inverse_mass_ = std::max(largest_inverse_mass_, inverse);
 }
 
 const std::vector<Level>& LevelChoice::for_contacts(bool fixed, const BallSteps& steps) const {
@@ -61,9 +62,8 @@ void LevelChoice::choose(const Recorded& recorded, BallSteps& steps) {
   steps.before.swap(steps.level);
   std::vector<Level>& level = levels_below_ > 0 ? among_balls_ : steps.level;
   choose_for(levels_below_ > 0 ? Kinds::ball : Kinds::all, recorded, steps, level);
-  limit_levels(
-      level, recorded.ball_pairs.span(), recorded.ball_pairs.count, setup_.stepping.limiter,
-      [&](std::size_t p) { return recorded.books[0].level[p] != kSkipped; }, beyond_);
+  limit_levels(level, recorded.by_ball, setup_.stepping.limiter,
+               [&](std::uint32_t p) { return recorded.books[0].level[p] != kSkipped; });
   if (levels_below_ == 0) return;
   choose_for(Kinds::fixed, recorded, steps, with_fixed_);
   steps.level.resize(level.size());
@@ -82,9 +82,7 @@ NeedParameters LevelChoice::need_parameters(bool fixed) const {
 
 /// Needs of balls from their pairs with each other; marks pairs that cannot touch before the next renewal.
 void LevelChoice::find_needs(const Recorded& recorded, const BallSteps& steps) {
-  speed2_ = mean_square_speed(recorded.balls);
-  largest_inverse_mass_ = 0.0;
-  for (const double inverse : recorded.balls.inverse_mass) largest_inverse_mass_ = std::max(largest_inverse_mass_, inverse);
+  speed2_ = mean_square_speed(recorded.speed2);
   PairBook& book = recorded.books[false];
   core::share_range(recorded.ball_pairs.count, threads_, [&](int t, std::size_t begin, std::size_t end) {
     need_kernels_.add(recorded.ball_pairs.span(), book.records(0), steps.paths.data(), recorded.margin.data(),
@@ -166,12 +164,9 @@ void LevelChoice::share_error(double error_factor, const std::vector<double>& ur
 }
 
 /// Mean square of the content's speeds [m2/s2], not below what counts as quiet or still.
-double LevelChoice::mean_square_speed(const core::Balls& balls) const {
-  const std::uint32_t n = balls.content_count();
-  const auto square = [&](std::uint32_t row) {
-    const BallRow& r = balls.rows[row];
-    return r.vx * r.vx + r.vy * r.vy + r.vz * r.vz;
-  };
+double LevelChoice::mean_square_speed(const std::vector<double>& speed2) const {
+  const auto n = static_cast<std::uint32_t>(speed2.size());
+  const auto square = [&](std::uint32_t row) { return speed2[row]; };
   const double quiet = kQuiet * kQuiet * setup_.gravity.norm() * length_scale_;
   const double still = kStill * omega(setup_.materials, length_scale_) * length_scale_;
   // The sum stands last: what is not finite (then the step fails) counts as nothing.
