@@ -4,7 +4,6 @@
 #include <bit>
 #include <cstdint>
 #include <limits>
-#include <vector>
 
 namespace grainclock::multirate {
 
@@ -12,7 +11,7 @@ namespace {
 constexpr int kBits = 16;  // that classes go by, the sign included
 }
 
-double shared_reach4(std::span<const double> strides4, std::size_t balls, double error_factor, double tolerance) {
+double shared_reach4(const std::vector<double>& strides4, std::size_t balls, double error_factor, double tolerance) {
   if (strides4.empty()) return std::numeric_limits<double>::infinity();
   // Counted in classes of a sixteenth of an octave, the leading bits of the numbers: no sort, and no order.
   const auto class_of = [](double stride4) { return std::bit_cast<std::uint64_t>(stride4) >> (64 - kBits); };

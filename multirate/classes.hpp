@@ -14,7 +14,7 @@
 #include "core/kernels.hpp"
 #include "multirate/ladder.hpp"
 
-#include <span>
+#include <vector>
 
 namespace grainclock::multirate {
 
@@ -63,7 +63,7 @@ inline double affordable4(std::size_t balls, double error_factor, double toleran
 /// The fourth power of the reach r at which the rms over `balls` of error_factor min(r^2, (h u)^2) is the tolerance, or
 /// less by up to 6 %; `strides4` holds (h u)^4 of each ball concerned at the step that it could take otherwise.
 /// Infinity if all may take that. The order of the balls changes no bit.
-double shared_reach4(std::span<const double> strides4, std::size_t balls, double error_factor, double tolerance);
+double shared_reach4(const std::vector<double>& strides4, std::size_t balls, double error_factor, double tolerance);
 
 /// Adding it to a double within 2^51, and taking it away, rounds to a whole number: 1.5 * 2^52.
 constexpr double kWholeNumber = 6755399441055744.0;

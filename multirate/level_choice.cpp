@@ -145,9 +145,10 @@ void LevelChoice::share_error(double error_factor, const std::vector<double>& ur
     strides4_[count] = stride4;
     count += stride4 > 0.0 ? 1 : 0;
   }
+  strides4_.resize(count);
   if (sum4 > 0.0) common_step4_ = std::min(common_step4_, affordable4(n, error_factor, setup_.stepping.tolerance) / sum4);
   ran_out_ = ran_out_ || fourth(ladder_.tick()) > common_step4_;
-  const double reach4 = shared_reach4({strides4_.data(), count}, n, error_factor, setup_.stepping.tolerance);
+  const double reach4 = shared_reach4(strides4_, n, error_factor, setup_.stepping.tolerance);
   const Level coarsest = ladder_.coarsest();
   const double spared4 = fourth(kHysteresis * ladder_.step(coarsest));  // s4
   share_balls([&](std::uint32_t begin, std::uint32_t end) {
