@@ -57,12 +57,13 @@ BallStepper::BallStepper(const State& state, const StepperSetup& setup, int weig
     if (!state.impacted.empty()) impacted_[row] = state.impacted[i];
     ++row;
   }
+  for (const std::uint32_t k : by_id(balls_)) masses_.emplace_back(balls_.id[k], mass(k));
   weigh();
 }
 
 void BallStepper::weigh() {
-  double total = 0.0;
-  for (const std::uint32_t row : by_id(balls_)) total += mass(row);
+  double total = 0.0;  // in order of id, so that it does not depend on the sort in space
+  for (const auto& [id, its] : masses_) total += its;
   weight_ = total * setup_.gravity;
 }
 
@@ -96,6 +97,9 @@ void BallStepper::load_synchronised(const State& state) {
 
 void BallStepper::build_list(const std::vector<std::uint8_t>& leaving) {
   if (steps_done_ > first_step_) require_slow();  // a stepper may be made for its forces alone, whatever its step
+  for (std::size_t row = 0; row < leaving.size(); ++row) {
+    if (leaving[row] != 0) masses_.erase(std::lower_bound(masses_.begin(), masses_.end(), std::pair(balls_.id[row], 0.0)));
+  }
   const std::vector<std::uint32_t>& order = list_.build(balls_, leaving);
   reorder_like(impacted_, order, balls_.spare, setup_.threads);
   if (!evaluated_.empty()) {

@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <functional>
+#include <utility>
 
 namespace grainclock::core {
 
@@ -102,7 +103,8 @@ class BallStepper : public Stepper {
 
   double start_time_ = 0.0;
   State fixed_;  // wall and plug, as given
-  Vec3 weight_ = Vec3::Zero();  // N, of the content
+  std::vector<std::pair<BallId, double>> masses_;  // kg, of the content, by id
+  Vec3 weight_ = Vec3::Zero();                     // N, of the content
 };
 
 template <class Force>

@@ -53,6 +53,7 @@ void cut_shares(const PairList& ball, const PairList& fixed, std::uint32_t rows,
     share.fixed = {before.fixed.end, is_last ? fixed.i.size() : first_vector(fixed, share.end)};
     share.own = std::clamp(touched, share.begin, share.end);
     share.touched = share.end;
+    if (is_last) continue;  // to the end
     for (std::size_t p = share.ball.begin; p < std::min(share.ball.end, ball.count); ++p) {
       share.touched = std::max(share.touched, ball.j[p] + 1);
     }

@@ -52,11 +52,14 @@ void Batches::sort_pairs(bool fixed, const core::PairList& pairs, PairBook& book
   };
   core::share_work(threads_, [&](int t) {
     LevelCount count{};  // those of level_pairs_ would share cache lines
-    std::vector<Level>& finest = finest_level_[static_cast<std::size_t>(t)];
-    for (std::size_t p = begin_of(t); p < begin_of(t + 1); ++p) {
-      const std::uint32_t i = pairs.i[p], j = fixed ? i : pairs.j[p];
-      const Level level = std::max(book.level[p], std::min(level_of[i], level_of[j]));  // skipped, or 0 so far
-      book.level[p] = level;
+    // Levels are bytes, which may alias anything: what the loop reads must be its own.
+    const std::uint32_t *const of_i = pairs.i.data(), *const of_j = fixed ? of_i : pairs.j.data();
+    const Level* const of_ball = level_of.data();
+    Level *const finest = finest_level_[static_cast<std::size_t>(t)].data(), *const of_pair = book.level.data();
+    for (std::size_t p = begin_of(t), end = begin_of(t + 1); p < end; ++p) {
+      const std::uint32_t i = of_i[p], j = of_j[p];
+      const Level level = std::max(of_pair[p], std::min(of_ball[i], of_ball[j]));  // skipped, or 0 so far
+      of_pair[p] = level;
       ++count[bin_of(level)];
       finest[i] = std::min(finest[i], level);
       if (!fixed) finest[j] = std::min(finest[j], level);

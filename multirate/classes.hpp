@@ -46,6 +46,14 @@ template <class Real>
   return motion;
 }
 
+constexpr double fourth(double x) { return (x * x) * (x * x); }
+
+/// 1/s4, urgency of a ball's impacts, eased where smooth pairs hold it.
+template <class Real>
+[[gnu::always_inline]] inline Real eased_impact4(Real impact4, Real smooth4) {
+  return smooth4 > Real{} ? impact4 / fourth(kConfinedReach) : impact4;
+}
+
 /// The sum of (h u)^4 over `balls` at which the rms of error_factor (h u)^2 is the tolerance.
 inline double affordable4(std::size_t balls, double error_factor, double tolerance) {
   const double share = tolerance / error_factor;
@@ -95,14 +103,20 @@ struct StepWeights {
 };
 
 /// Whether a step keeps every eigenvalue of sum (h2 k + 4 h c)(1/m_i + 1/m_j) n n^T below 4 (the predicted
-/// scheme's bound, core/critical_step.hpp), by the signs of the leading minors of 4 - M.
+/// scheme's bound, core/critical_step.hpp), by the signs of the leading minors of 4 - M. `ball` and `fixed` hold the entries
+/// of a ContactMatrix. Real is double or a vector of it.
+template <class Real>
+[[gnu::always_inline]] inline auto is_stable(const Real (&ball)[6], const Real (&fixed)[6], const StepWeights& weights) {
+  Real entry[6];
+  for (int k = 0; k < 6; ++k) entry[k] = weights.ball * ball[k] + weights.fixed * fixed[k];
+  const Real xx = 4.0 - entry[0], yy = 4.0 - entry[1], zz = 4.0 - entry[2];
+  const Real xy = -entry[3], xz = -entry[4], yz = -entry[5];
+  const Real minor = xx * yy - xy * xy;
+  const Real determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
+  return (xx > Real{}) & (minor > Real{}) & (determinant > Real{});
+}
 inline bool is_stable(const ContactMatrix& matrix, const StepWeights& weights) {
-  const auto entry = [&](int k) { return weights.ball * matrix.ball.entry[k] + weights.fixed * matrix.fixed.entry[k]; };
-  const double xx = 4.0 - entry(0), yy = 4.0 - entry(1), zz = 4.0 - entry(2);
-  const double xy = -entry(3), xz = -entry(4), yz = -entry(5);
-  const double minor = xx * yy - xy * xy;
-  const double determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
-  return xx > 0.0 && minor > 0.0 && determinant > 0.0;
+  return is_stable(matrix.ball.entry, matrix.fixed.entry, weights) != 0;
 }
 
 }  // namespace grainclock::multirate

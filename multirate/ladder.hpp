@@ -3,7 +3,9 @@
 
 #include "multirate/time_line.hpp"
 
+#include <bit>
 #include <cmath>
+#include <cstdint>
 
 namespace grainclock::multirate {
 
@@ -22,7 +24,7 @@ class Ladder {
   /// step(l) belongs to l - 1. A NaN or anything not positive gives 0.
   Level level_of(double dt) const {
     if (!(dt >= tick_)) return 0;
-    const int exponent = std::ilogb(dt / tick_);
+    const int exponent = static_cast<int>(std::bit_cast<std::uint64_t>(dt / tick_) >> 52) - 1023;  // of a double from 1 on
     return exponent < coarsest_ ? static_cast<Level>(exponent) : coarsest_;
   }
 

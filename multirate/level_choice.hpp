@@ -7,6 +7,7 @@
 #include "multirate/ball_steps.hpp"
 #include "multirate/limiter.hpp"
 #include "multirate/pair_book.hpp"
+#include "multirate/pairs_by_ball.hpp"
 
 #include <cmath>
 #include <vector>
@@ -18,11 +19,12 @@ double omega(const core::Materials& materials, double diameter);
 
 /// The last evaluation of all listed pairs, at the end of everyone's step.
 struct Recorded {
-  const core::Balls& balls;
   const core::PairList& ball_pairs;
   const core::PairList& fixed_pairs;
+  const PairsByBall& by_ball;         // pairs among balls
   PairBook* books;                    // of the pairs among balls and with fixed balls; levels: see AddNeeds
   const std::vector<double>& margin;  // m, how far each ball may stray from its straight path
+  const std::vector<double>& speed2;  // m2/s2, squares of balls' speeds
 };
 
 /// Where contacts have the finer level of their two balls, a ball's step is for all its contacts together. Where they have
@@ -34,7 +36,7 @@ class LevelChoice {
   LevelChoice(const Ladder& ladder, const core::StepperSetup& setup, const core::ContactLaw& ball_law,
               const core::ContactLaw& fixed_law, double length_scale, double interval, Level levels_below);
 
-  void follow_order(std::size_t balls);
+  void follow_order(const core::Balls& balls);
   /// Chooses `steps.level`, keeps what it was in `steps.before`, and marks pairs that cannot touch before the next renewal.
   void choose(const Recorded& recorded, BallSteps& steps);
   /// A contact with (or without) fixed balls has the finer of these levels of its balls.
@@ -45,19 +47,14 @@ class LevelChoice {
   bool ran_out() const { return ran_out_; }
 
  private:
-  /// 1/s4, what a ball's smooth pairs and its impacts ask of its step, see classes.hpp.
-  struct Urgency {
-    double smooth4 = 0.0, impact4 = 0.0;
-  };
   /// Which contacts a level is for.
   enum class Kinds { all, ball, fixed };
 
   void find_needs(const Recorded& recorded, const BallSteps& steps);
   void choose_for(Kinds kinds, const Recorded& recorded, const BallSteps& steps, std::vector<Level>& level);
-  void share_error(double error_factor, double Urgency::*urgency4, const std::vector<Level>& before,
+  void share_error(double error_factor, const std::vector<double>& urgency4, double sum4, const std::vector<Level>& before,
                    std::vector<Level>& level);
-  Level classed(double urgency4, double reach4, Level now) const;
-  double mean_square_speed(const core::Balls& balls) const;
+  double mean_square_speed(const std::vector<double>& speed2) const;
   NeedParameters need_parameters(bool fixed) const;
   /// Calls work(begin, end) for shares of the content, by threads.
   template <class Work>
@@ -69,11 +66,10 @@ class LevelChoice {
   Level levels_below_;
   int threads_;
   core::ContactLaw laws_[2];  // among balls, with fixed balls
-  AddNeeds add_needs_;
+  const NeedKernels& need_kernels_;
   std::vector<std::vector<Need>> needs_;  // per thread, of pairs among balls; clear between renewals
-  PairsBeyond beyond_;                    // per thread
-  std::vector<Urgency> urgency_;
-  std::vector<double> strides4_;                 // see shared_reach4()
+  std::vector<double> smooth4_, impact4_;  // 1/s4, what a ball's smooth pairs and its impacts ask, see classes.hpp
+  std::vector<double> strides4_;           // see shared_reach4()
   // What balls could take but for hysteresis: errors are shared by it, for a restart knows levels only after the limiter.
   std::vector<Level> able_;
   std::vector<Level> among_balls_, with_fixed_;  // only of contacts with levels of their own

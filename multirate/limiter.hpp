@@ -1,50 +1,38 @@
 // Bounds the difference of level across a contact.
 #pragma once
 
-#include "core/kernels.hpp"
-#include "core/share_work.hpp"
+#include "multirate/pairs_by_ball.hpp"
 #include "multirate/time_line.hpp"
 
+#include <algorithm>
+#include <array>
 #include <span>
 #include <vector>
 
 namespace grainclock::multirate {
 
-/// Room for the pairs that a look finds beyond the limit, one list per thread.
-using PairsBeyond = std::vector<std::vector<std::uint32_t>>;
-
 /// Makes balls finer until the levels of every pair differ by at most `largest_difference`.
-/// Demotes only, so the fixed point is unique, whatever the order of the pairs and the number of threads, which is
-/// that of the lists of `found`. `is_active(p)` says whether pair p counts. Returns the number of demotions.
+/// Demotes only, so the fixed point is unique, whatever the order of the pairs. `is_active(p)` says whether pair p counts.
+/// Returns the number of balls that have become finer.
 template <class IsActive>
-std::size_t limit_levels(std::span<Level> level, const core::PairSpan& pairs, std::size_t count, int largest_difference,
-                         IsActive is_active, PairsBeyond& found) {
-  const int threads = static_cast<int>(found.size());
+std::size_t limit_levels(std::span<Level> level, const PairsByBall& pairs, int largest_difference, IsActive is_active) {
+  const int coarsest = level.empty() ? 0 : *std::max_element(level.begin(), level.end());
+  // Few balls are so fine that others may have to follow. The finest come first: what they ask of others holds.
+  std::array<std::vector<std::uint32_t>, kMostLevels> fine;
+  const auto note = [&](std::uint32_t ball) {
+    if (level[ball] + largest_difference < coarsest) fine[level[ball]].push_back(ball);
+  };
+  for (std::uint32_t ball = 0; ball < level.size(); ++ball) note(ball);
   std::size_t demotions = 0;
-  for (bool changed = true; changed;) {
-    // Looking takes long, demoting does not.
-    core::share_range(count, threads, [&](int t, std::size_t begin, std::size_t end) {
-      std::vector<std::uint32_t>& mine = found[static_cast<std::size_t>(t)];
-      mine.clear();
-      for (std::size_t p = begin; p < end; ++p) {
-        const int difference = level[pairs.i[p]] - level[pairs.j[p]];
-        if ((difference > largest_difference || -difference > largest_difference) && is_active(p)) {
-          mine.push_back(static_cast<std::uint32_t>(p));
-        }
-      }
-    });
-    changed = false;
-    for (const std::vector<std::uint32_t>& some : found) {
-      for (const std::uint32_t p : some) {
-        Level& a = level[pairs.i[p]];
-        Level& b = level[pairs.j[p]];
-        Level& coarser = a > b ? a : b;
-        const int allowed = (a > b ? b : a) + largest_difference;
-        if (coarser <= allowed) continue;
-        coarser = static_cast<Level>(allowed);
+  for (const std::vector<std::uint32_t>& balls : fine) {
+    for (const std::uint32_t ball : balls) {
+      const auto allowed = static_cast<Level>(level[ball] + largest_difference);
+      pairs.for_each(ball, [&](std::uint32_t p, std::uint32_t partner) {
+        if (level[partner] <= allowed || !is_active(p)) return;
+        level[partner] = allowed;
         ++demotions;
-        changed = true;
-      }
+        note(partner);
+      });
     }
   }
   return demotions;

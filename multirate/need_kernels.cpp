@@ -12,6 +12,7 @@ typedef std::int64_t Int8 [[gnu::vector_size(64)]];
 typedef float Single4 [[gnu::vector_size(16)]];
 typedef float Single8 [[gnu::vector_size(32), gnu::aligned(4)]];
 typedef std::int8_t Char8 [[gnu::vector_size(8), gnu::aligned(1)]];
+typedef std::int64_t Eight [[gnu::may_alias]];  // bytes
 template <class Real>
 struct UnalignedOf;
 template <>
@@ -41,9 +42,10 @@ Real4 wide(const core::PairDirection& d) { return __builtin_convertvector(*reint
 
 template <bool kBoth>
 void gather(const core::PairSpan& pairs, const core::PairRecords& book, const core::Path* paths, const double* margin,
-            std::size_t first, std::size_t n, Gathered& out) {
+            const Need* needs, std::size_t first, std::size_t n, Gathered& out) {
   for (std::size_t q = 0; q < n; ++q) {
     const std::size_t p = first + q;
+    if constexpr (kBoth) __builtin_prefetch(needs + pairs.j[p], 1);  // for add_block()
     // Accelerations are subtracted, inverse masses added.
     Real4 path = *reinterpret_cast<const Real4*>(paths + pairs.i[p]);
     out.room[q] = margin[pairs.i[p]];
@@ -133,7 +135,7 @@ void add_needs_of(const core::PairSpan& pairs, const core::PairRecords& book, co
   Judged judged;
   for (std::size_t first = begin; first < end; first += kBlock) {
     const std::size_t n = end - first < kBlock ? end - first : kBlock;
-    gather<kBoth>(pairs, book, paths, margin, first, n, gathered);
+    gather<kBoth>(pairs, book, paths, margin, needs, first, n, gathered);
     std::size_t q = 0;
     for (; q + 8 <= n; q += 8) judge<Real8, kBoth>(book, with, first + q, q, gathered, level, judged);
     for (; q < n; ++q) judge<double, kBoth>(book, with, first + q, q, gathered, level, judged);
@@ -148,12 +150,99 @@ void add_needs(core::PairSpan pairs, const core::PairRecords& book, const core::
   else add_needs_of<false>(pairs, book, paths, margin, with, level, needs, first_row, begin, end);
 }
 
+/// Needs of as many balls as Real has lanes.
+template <class Real>
+struct NeedsOf {
+  Real matrix[6] = {}, smooth4 = {}, impact4 = {};
+};
+
+[[gnu::always_inline]] inline NeedsOf<double> numbers(const Need* needs, double) {
+  NeedsOf<double> out;
+  for (int k = 0; k < 6; ++k) out.matrix[k] = needs->matrix[k];
+  out.smooth4 = needs->smooth4;
+  out.impact4 = needs->impact4;
+  return out;
+}
+[[gnu::always_inline]] inline bool is_any(bool value) { return value; }
+[[gnu::always_inline]] inline bool is_any(Int8 mask) {
+  const Char8 bytes = __builtin_convertvector(mask, Char8);
+  return *reinterpret_cast<const Eight*>(&bytes) != 0;
+}
+#if defined(__AVX512F__)
+/// Eight balls' needs, transposed.
+[[gnu::always_inline]] inline NeedsOf<Real8> numbers(const Need* needs, Real8) {
+  const Real8* d = reinterpret_cast<const Real8*>(needs);
+  Real8 e[8], f[8];
+#pragma GCC unroll 4
+  for (int k = 0; k < 8; k += 2) {
+    e[k] = __builtin_shufflevector(d[k], d[k + 1], 0, 8, 2, 10, 4, 12, 6, 14);
+    e[k + 1] = __builtin_shufflevector(d[k], d[k + 1], 1, 9, 3, 11, 5, 13, 7, 15);
+  }
+#pragma GCC unroll 4
+  for (int k = 0; k < 4; ++k) {
+    const int from = 4 * (k / 2) + k % 2;  // of columns k % 2 and k % 2 + 2
+    f[2 * k] = __builtin_shufflevector(e[from], e[from + 2], 0, 1, 8, 9, 4, 5, 12, 13);
+    f[2 * k + 1] = __builtin_shufflevector(e[from], e[from + 2], 2, 3, 10, 11, 6, 7, 14, 15);
+  }
+  Real8 column[8];
+#pragma GCC unroll 4
+  for (int k = 0; k < 4; ++k) {
+    const int at = k / 2 + 2 * (k % 2);
+    column[at] = __builtin_shufflevector(f[k], f[k + 4], 0, 1, 2, 3, 8, 9, 10, 11);
+    column[at + 4] = __builtin_shufflevector(f[k], f[k + 4], 4, 5, 6, 7, 12, 13, 14, 15);
+  }
+  return {{column[0], column[1], column[2], column[3], column[4], column[5]}, column[6], column[7]};
+}
+#endif
+
+/// Adds up matrices, keeps the larger urgencies.
+template <class Real>
+[[gnu::always_inline]] inline void take(Need* needs, Real (&matrix)[6], Real& smooth4, Real& impact4) {
+  const NeedsOf<Real> its = numbers(needs, Real{});
+  for (int k = 0; k < 6; ++k) matrix[k] += its.matrix[k];
+  smooth4 = smooth4 < its.smooth4 ? its.smooth4 : smooth4;
+  impact4 = impact4 < its.impact4 ? its.impact4 : impact4;
+  for (std::size_t k = 0; k < sizeof(Real) / 8; ++k) reinterpret_cast<Real8*>(needs)[k] = Real8{};
+}
+
+[[gnu::always_inline]] inline void store_levels(Level* to, std::int64_t level) { *to = static_cast<Level>(level); }
+[[gnu::always_inline]] inline void store_levels(Level* to, Int8 level) { *reinterpret_cast<Char8*>(to) = __builtin_convertvector(level, Char8); }
+
+template <class Real, class Int>
+[[gnu::always_inline]] inline void take_some(Need* const* ball, int parts, Need* fixed, std::size_t row, const StepWeights* weights,
+                                             Level coarsest, double* smooth4, double* impact4, Level* level) {
+  Real of_ball[6] = {}, of_fixed[6] = {}, smooth = {}, impact = {};
+  for (int t = 0; t < parts; ++t) take(ball[t] + row, of_ball, smooth, impact);
+  if (fixed != nullptr) take(fixed + row, of_fixed, smooth, impact);
+  store<Real>(smooth4 + row, smooth);
+  store<Real>(impact4 + row, eased_impact4(impact, smooth));
+  Int its = Int{} + std::int64_t{coarsest};
+  auto is_unstable = Real{} <= Real{};  // at all levels so far
+  for (int l = coarsest; l > 0; --l) {
+    is_unstable &= is_stable(of_ball, of_fixed, weights[l]) == 0;
+    if (!is_any(is_unstable)) break;
+    its -= is_unstable ? Int{} + 1 : Int{};
+  }
+  store_levels(level + row, its);
+}
+
+void take_needs(Need* const* ball, int parts, Need* fixed, std::size_t n, const StepWeights* weights, Level coarsest,
+                double* smooth4, double* impact4, Level* level) {
+  std::size_t row = 0;
+#if defined(__AVX512F__)
+  for (; row + 8 <= n; row += 8)
+    take_some<Real8, Int8>(ball, parts, fixed, row, weights, coarsest, smooth4, impact4, level);
+#endif
+  for (; row < n; ++row)
+    take_some<double, std::int64_t>(ball, parts, fixed, row, weights, coarsest, smooth4, impact4, level);
+}
+
 #define GC_PASTE_(a, b) a##b
 #define GC_PASTE(a, b) GC_PASTE_(a, b)
 
 }  // namespace
 
-extern const AddNeeds GC_PASTE(add_needs_, GRAINCLOCK_KERNEL_SET);
-const AddNeeds GC_PASTE(add_needs_, GRAINCLOCK_KERNEL_SET) = add_needs;
+extern const NeedKernels GC_PASTE(need_kernels_, GRAINCLOCK_KERNEL_SET);
+const NeedKernels GC_PASTE(need_kernels_, GRAINCLOCK_KERNEL_SET) = {add_needs, take_needs};
 
 }  // namespace grainclock::multirate

@@ -51,7 +51,17 @@ using AddNeeds = void (*)(core::PairSpan, const core::PairRecords&, const core::
                           const NeedParameters&, Level* level, Need* needs, std::uint32_t first_row, std::size_t begin,
                           std::size_t end);
 
-/// The loop for the instruction set of `kernels`.
-AddNeeds add_needs_on(const core::Kernels& kernels);
+/// Takes the needs of `n` balls, which are none from then on: what `parts` arrays hold of pairs among balls, and `fixed` of
+/// pairs with fixed balls (null: none). Gives each ball's urgencies to the fourth power, 1/s4, impacts' eased where smooth
+/// pairs hold it, and the coarsest stable level, `weights` being those of level 0 to `coarsest`; 0 if none is.
+using TakeNeeds = void (*)(Need* const* ball, int parts, Need* fixed, std::size_t n, const StepWeights* weights,
+                           Level coarsest, double* smooth4, double* impact4, Level* level);
+
+struct NeedKernels {
+  AddNeeds add;
+  TakeNeeds take;
+};
+/// The loops for the instruction set of `kernels`.
+const NeedKernels& need_kernels_on(const core::Kernels& kernels);
 
 }  // namespace grainclock::multirate

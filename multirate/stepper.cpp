@@ -78,7 +78,7 @@ class MultirateStepper final : public core::BallStepper {
     build_list();
     record_and_open();
     if (!state.evaluated_position.empty()) load_synchronised(state);
-    if (straight_.is_list_worn(balls_, list_.skins())) relist();
+    begin_lines();
     classify(true);
     costs_ = setup.costs;
     records_ = 0;
@@ -288,7 +288,9 @@ class MultirateStepper final : public core::BallStepper {
     if (crossed || (steps_done_ + 1) % renew_every_ == 0) return true;
     return has_strays && !straight_.redirect_strays(balls_, {classed(false), classed(true)}, seconds);
   }
-  ClassedPairs classed(bool fixed) const { return {listed(fixed), books_[fixed], fixed, law(fixed, 0.0).law.reach}; }
+  ClassedPairs classed(bool fixed) const {
+    return {listed(fixed), by_ball_[fixed], books_[fixed], fixed, law(fixed, 0.0).law.reach};
+  }
 
   const PairList& listed(bool fixed) const { return fixed ? list_.fixed_pairs() : list_.ball_pairs(); }
 
@@ -356,13 +358,21 @@ class MultirateStepper final : public core::BallStepper {
         evaluated_ = balls_.rows;
         build_list(leaving);
         record_and_open();
+        straight_.begin(balls_, list_.skins());
         classify(true);
         return;
       }
     }
-    const bool is_worn = straight_.is_list_worn(balls_, list_.skins());
-    if (is_worn) relist();
-    classify(is_worn);
+    classify(begin_lines());
+  }
+
+  /// Lines of all balls from now on, with a list that will do for them. Tells whether it is a new one.
+  bool begin_lines() {
+    const bool is_worn = straight_.begin(balls_, list_.skins());
+    if (!is_worn) return false;
+    relist();
+    straight_.begin(balls_, list_.skins());
+    return true;
   }
 
   /// A new list around the balls as they are, with records of the last evaluation for its pairs.
@@ -384,9 +394,8 @@ class MultirateStepper final : public core::BallStepper {
 
   /// Levels of balls and contacts from the records; opens all steps at them. `is_new`: no pair of the list had a level.
   void classify(bool is_new) {
-    straight_.begin(balls_);
     for (PairBook& book : books_) book.before.swap(book.level);
-    choice_.choose({balls_, listed(false), listed(true), books_, straight_.margin()}, steps_);
+    choice_.choose({listed(false), listed(true), by_ball_[false], books_, straight_.margin(), straight_.speed2()}, steps_);
     if (is_new) opened_ = {Opened{{}, 0.5 * ladder_.tick()}};
     share_balls([&](std::uint32_t begin, std::uint32_t end) { strategy_->open(steps_, is_new, begin, end); });
     batches_.begin(steps_.level.size());
@@ -416,7 +425,8 @@ class MultirateStepper final : public core::BallStepper {
 
   void follow_order(std::span<const std::uint32_t> order) override {
     steps_.follow_order(order, balls_.spare, threads_);
-    choice_.follow_order(order.size());
+    choice_.follow_order(balls_);
+    for (const bool fixed : {false, true}) by_ball_[fixed].begin(listed(fixed), balls_.content_count());
     core::cut_shares(list_.ball_pairs(), list_.fixed_pairs(), balls_.content_count(), listed_shares_);
     listed_touched_ = TouchedRows(threads_);
     listed_touched_.add(listed_shares_);
@@ -441,7 +451,8 @@ class MultirateStepper final : public core::BallStepper {
   bool recorded_ = false;                      // the sums of this tick are of all listed pairs
   std::vector<Totals> totals_;                 // per thread
   std::vector<core::CandidateList> found_;     // per thread
-  PairBook books_[2];                    // among balls, with fixed balls
+  PairBook books_[2];                          // among balls, with fixed balls
+  PairsByBall by_ball_[2];                     // likewise
   std::vector<Opened> opened_;
   std::vector<std::int64_t> balls_at_, contacts_at_;  // sums over coarse steps
   std::int64_t coarse_steps_ = 0, records_ = 0;

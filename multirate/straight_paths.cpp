@@ -32,35 +32,29 @@ double StraightPaths::margin_of(const BallRow& row) const {
   return most + std::min(most, 0.5 * interval_ * interval_ * row.a);
 }
 
-bool StraightPaths::is_list_worn(const core::Balls& balls, const std::vector<core::SkinReference>& skins) const {
-  const double ahead = look_ahead(interval_);
-  std::atomic<bool> is_worn = false;
-  core::share_range(balls.content_count(), threads_, [&](int /*t*/, std::size_t begin, std::size_t end) {
-    for (std::size_t row = begin; row < end; ++row) {
-      const BallRow& ball = balls.rows[row];
-      const core::SkinReference& skin = skins[row];
-      const double room = std::sqrt(skin.skin2) - margin_of(ball) - ahead * velocity(ball).norm();
-      const Vec3 away = position(ball) - Vec3(skin.x, skin.y, skin.z);
-      if (!(room > 0.0 && away.squaredNorm() <= room * room)) is_worn = true;
-    }
-  });
-  return is_worn;
-}
-
-void StraightPaths::begin(const core::Balls& balls) {
+bool StraightPaths::begin(const core::Balls& balls, const std::vector<core::SkinReference>& skins) {
   const std::size_t n = balls.content_count();
   lines_.resize(n);
   margin_.resize(n);
-  is_stray_.resize(balls.rows.size());
+  speed2_.resize(n);
   const double ahead = look_ahead(interval_);
+  std::atomic<bool> is_worn = false;
   core::share_range(n, threads_, [&](int /*t*/, std::size_t begin, std::size_t end) {
+    bool is_any_worn = false;
     for (std::size_t row = begin; row < end; ++row) {
       const BallRow& ball = balls.rows[row];
-      margin_[row] = margin_of(ball);
-      lines_[row] = {ball.x, ball.y, ball.z, margin_[row], ball.vx, ball.vy, ball.vz,
-                     margin_[row] + ahead * velocity(ball).norm()};
+      const core::SkinReference& skin = skins[row];
+      const double margin = margin_of(ball), way = ahead * velocity(ball).norm();
+      margin_[row] = margin;
+      speed2_[row] = ball.vx * ball.vx + ball.vy * ball.vy + ball.vz * ball.vz;
+      lines_[row] = {ball.x, ball.y, ball.z, margin, ball.vx, ball.vy, ball.vz, margin + way};
+      const double room = std::sqrt(skin.skin2) - margin - way;
+      const Vec3 away = position(ball) - Vec3(skin.x, skin.y, skin.z);
+      is_any_worn |= !((room > 0.0) & (away.squaredNorm() <= room * room));
     }
+    if (is_any_worn) is_worn = true;
   });
+  return is_worn;
 }
 
 core::AdvanceReport StraightPaths::watch(const core::Balls& balls, double seconds) const {
@@ -76,12 +70,8 @@ core::AdvanceReport StraightPaths::watch(const core::Balls& balls, double second
 bool StraightPaths::redirect_strays(const core::Balls& balls, const ClassedPairs (&kinds)[2], double seconds) {
   find_strays(balls, seconds);
   bool are_in_order = true;
-  for (const std::uint32_t row : strays_) {
-    is_stray_[row] = 1;
-    are_in_order = are_in_order && redirect(row, balls.rows[row], seconds);
-  }
+  for (const std::uint32_t row : strays_) are_in_order = are_in_order && redirect(row, balls.rows[row], seconds);
   for (const ClassedPairs& kind : kinds) are_in_order = are_in_order && keep_their_classes(balls, kind, seconds);
-  for (const std::uint32_t row : strays_) is_stray_[row] = 0;
   return are_in_order;
 }
 
@@ -113,13 +103,12 @@ bool StraightPaths::redirect(std::uint32_t row, const BallRow& ball, double seco
 
 /// Whether pairs of strays are out of reach as before.
 bool StraightPaths::keep_their_classes(const core::Balls& balls, const ClassedPairs& kind, double seconds) const {
-  std::atomic<bool> all_do = true;
-  core::share_range(kind.pairs.count, threads_, [&](int /*t*/, std::size_t begin, std::size_t end) {
-    for (std::size_t p = begin; p < end; ++p) {
-      const bool concerns = (is_stray_[kind.pairs.i[p]] | is_stray_[kind.pairs.j[p]]) != 0;
-      if (concerns && !keeps_its_class(balls, kind, p, seconds)) all_do = false;
-    }
-  });
+  bool all_do = true;
+  for (const std::uint32_t row : strays_) {
+    kind.by_ball.for_each(row, [&](std::uint32_t pair, std::uint32_t /*partner*/) {
+      all_do = all_do && keeps_its_class(balls, kind, pair, seconds);
+    });
+  }
   return all_do;
 }
 

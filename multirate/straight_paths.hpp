@@ -9,6 +9,7 @@
 #include "core/balls.hpp"
 #include "core/neighbours.hpp"
 #include "multirate/pair_book.hpp"
+#include "multirate/pairs_by_ball.hpp"
 
 #include <vector>
 
@@ -17,6 +18,7 @@ namespace grainclock::multirate {
 /// Listed pairs of one kind, as last recorded and classified.
 struct ClassedPairs {
   const core::PairList& pairs;
+  const PairsByBall& by_ball;
   const PairBook& book;
   bool fixed;
   double reach;  // m, largest gap at which a pair interacts
@@ -31,13 +33,14 @@ class StraightPaths {
 
   /// How long ahead of a renewal lists look [s].
   static double look_ahead(double interval) { return 1.1 * kAccelerating * interval; }
-  /// Whether a pair that a renewal should see by its gap and speed could be missing from the list.
-  bool is_list_worn(const core::Balls& balls, const std::vector<core::SkinReference>& skins) const;
 
-  /// At a renewal: all balls' lines from now on.
-  void begin(const core::Balls& balls);
+  /// At a renewal: all balls' lines from now on. Tells whether the list of these skins is worn: a pair that the renewal should
+  /// see by its gap and speed could be missing.
+  bool begin(const core::Balls& balls, const std::vector<core::SkinReference>& skins);
   /// By row: how far a ball may stray from its line [m].
   const std::vector<double>& margin() const { return margin_; }
+  /// By row: the square of a ball's speed when its line began [m2/s2].
+  const std::vector<double>& speed2() const { return speed2_; }
   /// All balls against their lines, `seconds` after the renewal and a coarsest step later, and against the domain.
   core::AdvanceReport watch(const core::Balls& balls, double seconds) const;
   /// Gives balls that are off their lines new ones until the next regular renewal. Tells whether all may have them; if
@@ -56,9 +59,9 @@ class StraightPaths {
   double interval_, length_scale_;
   int threads_;
   std::vector<core::StraightPath> lines_;
-  std::vector<double> margin_;          // m
-  std::vector<std::uint32_t> strays_;   // rows
-  std::vector<std::uint8_t> is_stray_;  // by row, fixed balls included
+  std::vector<double> margin_;         // m
+  std::vector<double> speed2_;         // m2/s2
+  std::vector<std::uint32_t> strays_;  // rows
 };
 
 }  // namespace grainclock::multirate

@@ -41,14 +41,14 @@ void schedule(benchmark::State& run) {
 void limiter(benchmark::State& run, const Scene& scene) {
   const core::PairList& pairs = scene.pairs(false);
   std::vector<Level> level;
-  multirate::PairsBeyond beyond(1);
+  multirate::PairsByBall by_ball;
+  by_ball.begin(pairs, scene.balls.content_count());
   const auto restore = [&] {
     level.assign(scene.balls.rows.size(), kCoarsestLevel);
     for (std::size_t i = 0; i < scene.balls.content_count(); i += 100) level[i] = 0;
   };
   time_items(run, "ball", scene.balls.content_count(), restore, [&] {
-    const std::size_t demotions =
-        multirate::limit_levels(level, pairs.span(), pairs.count, kLimiter, [](std::size_t) { return true; }, beyond);
+    const std::size_t demotions = multirate::limit_levels(level, by_ball, kLimiter, [](std::uint32_t) { return true; });
     benchmark::DoNotOptimize(demotions);
   });
 }

@@ -59,7 +59,7 @@ struct Found {
 Found find(Pairs& pairs, const core::Kernels& kernels) {
   Found out;
   const core::PairRecords records{pairs.overlap.data(), pairs.rate.data(), pairs.direction.data()};
-  add_needs_on(kernels)({pairs.i.data(), pairs.j.data(), kPairs}, records, pairs.paths.data(), pairs.margin.data(),
+  need_kernels_on(kernels).add({pairs.i.data(), pairs.j.data(), kPairs}, records, pairs.paths.data(), pairs.margin.data(),
                         pairs.with, out.level.data(), out.needs.data(), 0, 0, kPairs);
   return out;
 }
@@ -122,7 +122,7 @@ TEST(Needs, AShareOfThePairsLeavesTheOthersAlone) {
   Found whole = find(pairs, core::kernels()), parts;
   for (const std::size_t cut : {std::size_t{0}, std::size_t{130}}) {
     const std::size_t end = cut == 0 ? 130 : kPairs;
-    add_needs_on(core::kernels())({pairs.i.data(), pairs.j.data(), kPairs}, records, pairs.paths.data(), pairs.margin.data(),
+    need_kernels_on(core::kernels()).add({pairs.i.data(), pairs.j.data(), kPairs}, records, pairs.paths.data(), pairs.margin.data(),
                                   pairs.with, parts.level.data(), parts.needs.data(), 0, cut, end);
     EXPECT_EQ(parts.level[130] == 77, cut == 0);
   }
@@ -138,7 +138,7 @@ TEST(Needs, AreWrittenFromTheFirstRowOn) {
   pairs.paths.insert(pairs.paths.begin(), first, core::Path{});
   pairs.margin.insert(pairs.margin.begin(), first, 0.0);
   Found shifted;
-  add_needs_on(core::kernels())({pairs.i.data(), pairs.j.data(), kPairs},
+  need_kernels_on(core::kernels()).add({pairs.i.data(), pairs.j.data(), kPairs},
                                 {pairs.overlap.data(), pairs.rate.data(), pairs.direction.data()}, pairs.paths.data(),
                                 pairs.margin.data(), pairs.with, shifted.level.data(), shifted.needs.data(), first, 0, kPairs);
   EXPECT_TRUE(shifted == whole);

@@ -60,7 +60,13 @@ struct Flight {
     }
     balls = core::Balls(state, {}, true);
     for (std::uint32_t row = 0; row < content.size(); ++row) balls.rows[row].a = content[row].a;
-    paths.begin(balls);
+    begin();
+  }
+
+  /// With a list that will do.
+  void begin() {
+    constexpr double kFar = std::numeric_limits<double>::infinity();
+    EXPECT_FALSE(paths.begin(balls, std::vector<core::SkinReference>(balls.content_count(), {0.0, 0.0, 0.0, kFar})));
   }
 
   /// Lists a pair that a renewal has skipped.
@@ -73,18 +79,27 @@ struct Flight {
   }
   bool redirect(double seconds) {
     core::PairList whole[2] = {pairs[0], pairs[1]};
-    for (core::PairList& list : whole) list.finish(balls.far_row());
-    return paths.redirect_strays(balls, {{whole[0], books[0], false, reach}, {whole[1], books[1], true, reach}}, seconds);
+    PairsByBall by_ball[2];
+    for (const bool fixed : {false, true}) {
+      whole[fixed].finish(balls.far_row());
+      by_ball[fixed].begin(whole[fixed], balls.content_count());
+    }
+    return paths.redirect_strays(
+        balls, {{whole[0], by_ball[0], books[0], false, reach}, {whole[1], by_ball[1], books[1], true, reach}}, seconds);
   }
   bool has_strays(double seconds) const { return paths.watch(balls, seconds).list_unsafe; }
 
  private:
   void list(std::uint32_t i, std::uint32_t j, Level level, double gap, double rate) {
     const bool fixed = j > balls.far_row();
-    pairs[fixed].add(i, j);
-    books[fixed].level.push_back(level);
-    books[fixed].overlap.push_back(static_cast<float>(-gap));
-    books[fixed].rate.push_back(static_cast<float>(rate));
+    core::PairList& its = pairs[fixed];
+    const auto at = std::upper_bound(its.i.begin(), its.i.end(), i) - its.i.begin();  // lists are in order of i
+    const auto insert = [at](auto& values, auto value) { values.insert(values.begin() + at, value); };
+    insert(its.i, i);
+    insert(its.j, j);
+    insert(books[fixed].level, level);
+    insert(books[fixed].overlap, static_cast<float>(-gap));
+    insert(books[fixed].rate, static_cast<float>(rate));
   }
 };
 
@@ -349,7 +364,7 @@ TEST(StraightPaths, ARenewalBeginsAnew) {
     now = {after(kStep, now).x + well_off(), now.v};
     flight.move(0, now);
     EXPECT_TRUE(flight.redirect(kStep));
-    flight.paths.begin(flight.balls);
+    flight.begin();
     EXPECT_FALSE(flight.has_strays(0.0));
   }
 }
@@ -378,8 +393,8 @@ TEST(ListWear, BallsMustStayWithinTheirSkinsWhileTheListLooksAhead) {
   const auto is_worn = [&](double radius, const Vec3& away, const Vec3& v, int threads) {
     Flight flight({resting, {ball.x, v, ball.a}}, {}, threads);
     const Vec3 reference = ball.x - away;
-    return flight.paths.is_list_worn(flight.balls,
-                                     {{0.0, 0.0, 0.0, 1.0}, {reference.x(), reference.y(), reference.z(), radius * radius}});
+    return flight.paths.begin(flight.balls,
+                              {{0.0, 0.0, 0.0, 1.0}, {reference.x(), reference.y(), reference.z(), radius * radius}});
   };
   for (const int threads : {1, 2, 3}) {
     for (const double moved : {0.0, 5e-3}) {
