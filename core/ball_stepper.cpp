@@ -95,19 +95,38 @@ void BallStepper::load_synchronised(const State& state) {
   }
 }
 
-void BallStepper::build_list(const std::vector<std::uint8_t>& leaving) {
+void BallStepper::build_list() {
   if (steps_done_ > first_step_) require_slow();  // a stepper may be made for its forces alone, whatever its step
+  follow(list_.build(balls_));
+}
+
+void BallStepper::remove_balls(const std::vector<std::uint8_t>& leaving) {
   for (std::size_t row = 0; row < leaving.size(); ++row) {
     if (leaving[row] != 0) masses_.erase(std::lower_bound(masses_.begin(), masses_.end(), std::pair(balls_.id[row], 0.0)));
   }
-  const std::vector<std::uint32_t>& order = list_.build(balls_, leaving);
+  follow(list_.remove(balls_, leaving));
+  keep_list_safe();
+  weigh();
+}
+
+void BallStepper::keep_list_safe() {
+  for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
+    const BallRow& r = balls_.rows[row];
+    const SkinReference& skin = list_.skins()[row];
+    const double dx = r.x - skin.x, dy = r.y - skin.y, dz = r.z - skin.z;
+    if (dx * dx + dy * dy + dz * dz <= skin.skin2) continue;
+    build_list();
+    return;
+  }
+}
+
+void BallStepper::follow(const std::vector<std::uint32_t>& order) {
   reorder_like(impacted_, order, balls_.spare, setup_.threads);
   if (!evaluated_.empty()) {
     reorder_like(evaluated_, order, balls_.spare, setup_.threads);
     evaluated_.insert(evaluated_.end(), balls_.rows.begin() + balls_.far_row(), balls_.rows.end());
   }
   follow_order(order);
-  if (!leaving.empty()) weigh();
 }
 
 State BallStepper::state() const {

@@ -34,7 +34,11 @@ class BallStepper : public Stepper {
   /// Rows from the evaluated points to the state's positions and velocities.
   void load_synchronised(const State& state);
   /// (Re)builds the list around the rows' present values and lets `follow_order` sort what runs beside them.
-  void build_list(const std::vector<std::uint8_t>& leaving = {});
+  void build_list();
+  /// Removes the rows that `leaving` marks, which keep the list; likewise.
+  void remove_balls(const std::vector<std::uint8_t>& leaving);
+  /// A new list if a ball has used up its skin.
+  void keep_list_safe();
   /// Sorts the arrays that a stepper keeps beside the rows.
   virtual void follow_order(std::span<const std::uint32_t> order) = 0;
 
@@ -100,6 +104,7 @@ class BallStepper : public Stepper {
   std::vector<Contact> contacts_where(Counts counts) const;
   void book_events(const EventBook& book);
   void weigh();
+  void follow(const std::vector<std::uint32_t>& order);
 
   double start_time_ = 0.0;
   State fixed_;  // wall and plug, as given

@@ -72,8 +72,6 @@ class CubeGrid {
 /// Points in order of their cubes, within a cube as they were. Keeps its memory.
 class CubeSort {
  public:
-  static constexpr std::uint32_t kNowhere = ~std::uint32_t{0};  // cube of a point that is left out
-
   /// The cube of each point, to be filled in before sort().
   std::vector<std::uint32_t>& cube() { return cube_; }
   void sort(std::size_t cubes, int threads);

@@ -49,21 +49,10 @@ void DashpotStepper::advance(std::int64_t n) {
     stop_first_impacts(stopped);
     keep_list_safe();  // from here on the touches are gone
     const std::vector<std::uint8_t> leaving = find_leaving();
-    if (!leaving.empty()) build_list(leaving);
+    if (!leaving.empty()) remove_balls(leaving);
     if (!stopped.empty() || !leaving.empty()) restart();
   }
   keep_evaluated();
-}
-
-void DashpotStepper::keep_list_safe() {
-  for (std::uint32_t row = 0; row < balls_.content_count(); ++row) {
-    const BallRow& r = balls_.rows[row];
-    const SkinReference& skin = list_.skins()[row];
-    const double dx = r.x - skin.x, dy = r.y - skin.y, dz = r.z - skin.z;
-    if (dx * dx + dy * dy + dz * dz <= skin.skin2) continue;
-    build_list();
-    return;
-  }
 }
 
 void DashpotStepper::find_touches() {

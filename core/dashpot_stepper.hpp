@@ -34,8 +34,6 @@ class DashpotStepper : public BallStepper {
   /// With the dashpot's last force: where c is large, the law makes forces of what rates are uncertain by.
   double force_of(BallId i, BallId j, const ContactLaw& its, double overlap, double rate) const final;
 
-  /// To be called when rows have moved. May sort them anew: touches do not survive it.
-  void keep_list_safe();
   void find_touches();
   /// Finds C/m of each ball for delay().
   void add_up_dashpots();

@@ -12,6 +12,7 @@ namespace grainclock::core {
 namespace {
 
 constexpr std::size_t kSample = 1024;     // balls that speak for all when cubes are chosen
+constexpr std::uint32_t kGone = ~std::uint32_t{0};  // row of a ball that has left
 constexpr double kWideShare = 0.01;       // of the balls, may have a sphere too large for the cubes
 constexpr double kWorthWide = 1.1;        // unless it is larger by no more than this
 constexpr double kRounding = 1.0 + 1e-6;  // of cube edges, far above that of cube coordinates
@@ -70,14 +71,13 @@ SkinRule SkinRule::for_diameter(double mean_diameter) {
   return rule;
 }
 
-const std::vector<std::uint32_t>& NeighbourList::build(Balls& balls, const std::vector<std::uint8_t>& leaving) {
+const std::vector<std::uint32_t>& NeighbourList::build(Balls& balls) {
   ++builds_;
-  // Balls that leave say nothing of how long the skins would have lasted.
-  if (sweeps_ > 0 && leaving.empty()) adapt_skins(balls.mean_diameter);
+  if (sweeps_ > 0) adapt_skins(balls.mean_diameter);
   sweeps_ = 0;
   shares_.resize(static_cast<std::size_t>(threads_));
   choose_cubes(balls);
-  sort_content(balls, leaving);
+  sort_content(balls);
   const double common_reach = common_ + 0.5 * reach_;
   if (balls.fixed_count() > 0 && !fixed_.serves(common_reach)) fixed_.prepare(balls, common_reach);
   const std::size_t n = balls.content_count();
@@ -92,6 +92,31 @@ const std::vector<std::uint32_t>& NeighbourList::build(Balls& balls, const std::
   join(ball_pairs_, &Share::balls, balls.far_row());
   join(fixed_pairs_, &Share::fixed, balls.far_row());
   return sorted_.order();
+}
+
+const std::vector<std::uint32_t>& NeighbourList::remove(Balls& balls, const std::vector<std::uint8_t>& leaving) {
+  kept_.clear();
+  new_row_.clear();
+  for (std::uint32_t row = 0; row < balls.rows.size(); ++row) {
+    const bool leaves = row < leaving.size() && leaving[row] != 0;
+    new_row_.push_back(leaves ? kGone : row + static_cast<std::uint32_t>(kept_.size()) - std::min(row, balls.content_count()));
+    if (!leaves && row < balls.content_count()) kept_.push_back(row);
+  }
+  balls.reorder(kept_, threads_);
+  reorder_like(skins_, kept_, balls.spare, threads_);
+  for (PairList* pairs : {&ball_pairs_, &fixed_pairs_}) {
+    std::size_t n = 0;
+    for (std::size_t p = 0; p < pairs->count; ++p) {
+      const std::uint32_t i = new_row_[pairs->i[p]], j = new_row_[pairs->j[p]];
+      pairs->i[n] = i;
+      pairs->j[n] = j;
+      n += i != kGone && j != kGone ? 1 : 0;
+    }
+    pairs->i.resize(n);
+    pairs->j.resize(n);
+    pairs->finish(balls.far_row());
+  }
+  return kept_;
 }
 
 /// Makes floor and lifetime longer or shorter: a ball that speeds up uses up a floor in a time that goes with its root.
@@ -141,15 +166,12 @@ void NeighbourList::choose_cubes(const Balls& balls) {
   grid_ = CubeGrid(low, high, 2.0 * common_ * kRounding, kMostCubes * static_cast<double>(n) + kCubesAnyway);
 }
 
-void NeighbourList::sort_content(Balls& balls, const std::vector<std::uint8_t>& leaving) {
+void NeighbourList::sort_content(Balls& balls) {
   const std::size_t n = balls.content_count();
   std::vector<std::uint32_t>& cube = sorted_.cube();
   cube.resize(n);
   share_range(n, threads_, [&](int /*t*/, std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const bool leaves = !leaving.empty() && leaving[i] != 0;
-      cube[i] = leaves ? CubeSort::kNowhere : static_cast<std::uint32_t>(grid_.index(reference(balls.rows[i])));
-    }
+    for (std::size_t i = begin; i < end; ++i) cube[i] = static_cast<std::uint32_t>(grid_.index(reference(balls.rows[i])));
   });
   sorted_.sort(grid_.cubes(), threads_);
   balls.reorder(sorted_.order(), threads_);

@@ -43,9 +43,10 @@ class NeighbourList {
 
   /// Sorts the content of `balls` into cubes and lists all pairs that can come within reach while every
   /// ball keeps to its skin. Returns the order applied (see Balls::reorder), which lasts until the next build: arrays that
-  /// run beside the rows must follow it. `leaving` marks rows to be removed (may be empty). The fixed
-  /// balls must be the same at every call.
-  const std::vector<std::uint32_t>& build(Balls& balls, const std::vector<std::uint8_t>& leaving = {});
+  /// run beside the rows must follow it. The fixed balls must be the same at every call.
+  const std::vector<std::uint32_t>& build(Balls& balls);
+  /// Removes the content that `leaving` marks by row, and its pairs, without a new list. Returns the order as build() does.
+  const std::vector<std::uint32_t>& remove(Balls& balls, const std::vector<std::uint8_t>& leaving);
 
   /// To be told of each evaluation of all listed pairs. By these counts the skins adapt from build to build, so
   /// that making lists and evaluating the pairs which are listed only because of the skin cost about least together.
@@ -70,7 +71,7 @@ class NeighbourList {
   Vec3 reference(const BallRow& row) const;
   double skin(const BallRow& row) const;
   void choose_cubes(const Balls& balls);
-  void sort_content(Balls& balls, const std::vector<std::uint8_t>& leaving);
+  void sort_content(Balls& balls);
   void place_spheres(const Balls& balls, int thread);
   void find_beyond(int thread);
   void find_ball_pairs(int thread);
@@ -91,6 +92,7 @@ class NeighbourList {
   CubeGrid grid_;
   double common_ = 0.0;  // m, largest sphere that the grid allows for
   CubeSort sorted_;
+  std::vector<std::uint32_t> kept_, new_row_;  // of remove(): rows that stay, and where rows are then
   std::vector<double> x_, y_, z_, sphere_;  // m, references and spheres of the sorted rows; wide ones have no x
   std::vector<double> sample_;
   std::vector<Share> shares_;

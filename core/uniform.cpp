@@ -43,6 +43,7 @@ class UniformStepper final : public BallStepper {
                "stepping.events = true goes with integrator = \"predicted\", not \"{}\"; set events = false", name(scheme_));
     advance_.bound = events_;
     opening_.resize(balls_.content_count());
+    build_list();
     begin();
     costs_ = setup.costs;  // making a stepper costs nothing that a run would count
     if (!state.evaluated_position.empty()) load_synchronised(state);
@@ -124,11 +125,8 @@ class UniformStepper final : public BallStepper {
   std::size_t listed_pairs() const { return list_.ball_pairs().count + list_.fixed_pairs().count; }
 
   /// First forces, at the rows as they are: they open the first step.
-  void begin(const std::vector<std::uint8_t>& leaving = {}) {
-    keep_evaluated();
-    build_list(leaving);
-    sweep_pairs();
-    take_sums_as_opening();
+  void begin() {
+    evaluate_again();
     previous_ = {ball_totals_, fixed_totals_};
   }
 
@@ -326,7 +324,9 @@ class UniformStepper final : public BallStepper {
   void remove_leaving() {
     const std::vector<std::uint8_t> leaving = find_leaving();
     crossed_ = false;
-    if (!leaving.empty()) begin(leaving);
+    if (leaving.empty()) return;
+    remove_balls(leaving);
+    begin();
   }
 
   /// Balls that feel a contact for the first time (paper, section 5.3).

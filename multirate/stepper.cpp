@@ -355,8 +355,9 @@ class MultirateStepper final : public core::BallStepper {
       const std::vector<std::uint8_t> leaving = find_leaving();
       if (!leaving.empty()) {
         // Without the balls that left the forces are evaluated anew: they open the next steps.
+        remove_balls(leaving);
+        if (straight_.begin(balls_, list_.skins())) build_list();
         evaluated_ = balls_.rows;
-        build_list(leaving);
         record_and_open();
         straight_.begin(balls_, list_.skins());
         classify(true);
