@@ -37,7 +37,7 @@ class BallStepper : public Stepper {
   void build_list();
   /// Removes the rows that `leaving` marks, which keep the list; likewise.
   void remove_balls(const std::vector<std::uint8_t>& leaving);
-  /// A new list if a ball has used up its skin.
+  /// To be called when rows have moved: a new list if a ball has used up its skin, which may sort rows anew.
   void keep_list_safe();
   /// Sorts the arrays that a stepper keeps beside the rows.
   virtual void follow_order(std::span<const std::uint32_t> order) = 0;
