@@ -151,7 +151,7 @@ TEST(Needs, AreTakenByTheRulesOnEveryInstructionSet) {
   constexpr Level kCoarsest = 5;
   const core::ContactLaw ball_law{1e7, 2e4, 0.0, false}, fixed_law{1e9, 2e5, 0.0, false};
   std::vector<StepWeights> weights;
-  for (Level l = 0; l <= kCoarsest; ++l) weights.emplace_back(std::ldexp(1e-5, l), ball_law, fixed_law, 1.0 / 50.0);
+  for (Level l = 0; l <= kCoarsest; ++l) weights.emplace_back(std::ldexp(1e-4, l), ball_law, fixed_law, 1.0 / 50.0);
   Random random(11);
   std::vector<Need> parts[3];  // two of balls, one of fixed balls
   for (std::vector<Need>& part : parts) {
@@ -160,7 +160,7 @@ TEST(Needs, AreTakenByTheRulesOnEveryInstructionSet) {
       NormalMatrix sum;
       for (std::size_t k = random.below(4); k > 0; --k) {
         const Vec3 n = random.direction();
-        sum += NormalMatrix::of(n.x(), n.y(), n.z(), std::pow(10.0, random.between(-2.0, 1.0)) / kMatrixUnit);
+        sum += NormalMatrix::of(n.x(), n.y(), n.z(), std::pow(10.0, random.between(-2.0, 0.3)) / kMatrixUnit);
       }
       std::copy(sum.entry, sum.entry + 6, need.matrix);
       need.smooth4 = random.below(2) == 0 ? 0.0 : random.between(0.0, 1e12);
@@ -195,7 +195,7 @@ TEST(Needs, AreTakenByTheRulesOnEveryInstructionSet) {
           EXPECT_EQ(impact4[row], smooth > 0.0 ? impact / 81.0 : impact);  // kConfinedReach to the fourth power
           seen.insert(coarsest);
         }
-        EXPECT_GT(seen.size(), with_fixed || balls > 0 ? 3U : 0U);
+        EXPECT_GT(seen.size(), with_fixed || balls > 0 ? 2U : 0U);  // of levels
         // None are left of those that were taken.
         for (int part = 0; part < 3; ++part) {
           const bool is_taken = part == 2 ? with_fixed : part < balls;
