@@ -20,6 +20,7 @@ constexpr int kWidth = 2;
 typedef double Real [[gnu::vector_size(8 * kWidth)]];
 typedef std::int64_t Int [[gnu::vector_size(8 * kWidth)]];
 typedef double RealOut [[gnu::vector_size(8 * kWidth), gnu::aligned(8)]];  // where arrays are only element-aligned
+typedef std::uint8_t Bytes [[gnu::vector_size(kWidth), gnu::aligned(1)]];
 typedef float Single [[gnu::vector_size(4 * kWidth)]];
 typedef float SingleOut [[gnu::vector_size(4 * kWidth), gnu::aligned(4)]];
 typedef double Real4 [[gnu::vector_size(32)]];
@@ -159,7 +160,7 @@ GC_INLINE Relative relative(const BallRow* rows, const std::uint32_t* i, const s
   return out;
 }
 
-/// Writes kWidth rows (x, y, z, 0). Slot s belongs to pair kSlotPair[s] of the group.
+/// Writes kWidth rows (x, y, z, 0). Slot s belongs to pair kSlotPair[s] of the group, and pair s to slot kSlotPair[s].
 #if defined(__AVX512F__)
 constexpr int kSlotPair[8] = {0, 4, 2, 6, 1, 5, 3, 7};
 #elif defined(__AVX__)
@@ -419,19 +420,34 @@ void weighted_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, in
   lanes.add_to(totals);
 }
 
-/// 2^level, and 0 for kNoWeight.
-GC_INLINE std::int64_t weight_of(std::uint8_t level) { return level == kNoWeight ? 0 : std::int64_t{1} << (level & 63); }
+/// Each pair's value times 2^level, and 0 for kNoWeight.
+GC_INLINE Int times_weight(Int x, const std::uint8_t* level) {
+  const Int shift = __builtin_convertvector(*reinterpret_cast<const Bytes*>(level), Int);
+  return (x << (shift & 63)) & (shift != std::int64_t{kNoWeight});
+}
 
-/// Adds a group's totals, each pair's times its weight.
-GC_INLINE void add_totals(LaneTotals& lanes, const Evaluated& e, Int weight, bool both) {
-  if (!both) {
-    lanes.fx += e.fx * weight;
-    lanes.fy += e.fy * weight;
-    lanes.fz += e.fz * weight;
+/// Two groups in turn, by slots: what is added to balls when the next group has been evaluated.
+struct alignas(64) Impulses {
+  IntVec of[2 * kWidth];
+  GC_INLINE IntVec* group(std::size_t first_pair) { return of + first_pair % (2 * kWidth); }
+  GC_INLINE Int4 of_pair(std::size_t pair) const {
+    return *reinterpret_cast<const Int4*>(of + (pair & kWidth) + kSlotPair[pair % kWidth]);
   }
-  lanes.magnitude += e.magnitude * weight;
-  lanes.power += e.power * weight;
-  lanes.turned += e.turned * weight;
+};
+
+/// Adds a group's totals and keeps its forces, each pair's as `weigh` makes them.
+template <class Weigh>
+GC_INLINE void weigh_group(const Evaluated& e, bool both, LaneTotals& lanes, IntVec* impulses, Weigh weigh) {
+  const Int fx = weigh(e.fx), fy = weigh(e.fy), fz = weigh(e.fz);
+  store_rows(fx, fy, fz, impulses);
+  if (!both) {
+    lanes.fx += fx;
+    lanes.fy += fy;
+    lanes.fz += fz;
+  }
+  lanes.magnitude += weigh(e.magnitude);
+  lanes.power += weigh(e.power);
+  lanes.turned += weigh(e.turned);
 }
 
 template <class T, bool kSum>
@@ -440,19 +456,18 @@ void record_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, cons
   Int4* ball = reinterpret_cast<Int4*>(sums);
   const bool both = law.both;
   LaneTotals weighted, single;
+  Impulses impulses;
   const auto see = [&](std::size_t p, const Evaluated& e) GC_INLINE_LAMBDA {
     const auto rounded = [](Real v) GC_INLINE_LAMBDA { return __builtin_convertvector(v, Single); };
     *reinterpret_cast<SingleOut*>(out.overlap + p) = rounded(e.overlap);
     *reinterpret_cast<SingleOut*>(out.rate + p) = rounded(e.rate);
     store_directions(rounded(e.nx), rounded(e.ny), rounded(e.nz), rounded(e.speed), out.direction + p);
     if constexpr (kSum) {
-      Int weight;
-      for (int k = 0; k < kWidth; ++k) weight[k] = weight_of(level[p + k]);
-      add_totals(weighted, e, weight, both);
+      weigh_group(e, both, weighted, impulses.group(p), [&](Int x) GC_INLINE_LAMBDA { return times_weight(x, level + p); });
     }
   };
-  sweep_pairs<T, true>(rows, pairs, law, single, candidates, see, [=](std::size_t pair, Int4 f) GC_INLINE_LAMBDA {
-    if constexpr (kSum) add_weighted(ball, pairs, pair, f, f * weight_of(level[pair]), both);
+  sweep_pairs<T, true>(rows, pairs, law, single, candidates, see, [&](std::size_t pair, Int4 f) GC_INLINE_LAMBDA {
+    if constexpr (kSum) add_weighted(ball, pairs, pair, f, impulses.of_pair(pair), both);
     (void)f;
   });
   weighted.bad = single.bad;
@@ -465,14 +480,14 @@ void reweigh_terms(const BallRow* rows, PairSpan pairs, const SweepLaw& law, con
   Int4* ball = reinterpret_cast<Int4*>(balance);
   const bool both = law.both;
   LaneTotals weighted, single;
-  const auto change = [=](std::size_t pair) GC_INLINE_LAMBDA { return weight_of(to[pair]) - weight_of(from[pair]); };
+  Impulses impulses;
   const auto see = [&](std::size_t p, const Evaluated& e) GC_INLINE_LAMBDA {
-    Int weight;
-    for (int k = 0; k < kWidth; ++k) weight[k] = change(p + k);
-    add_totals(weighted, e, weight, both);
+    weigh_group(e, both, weighted, impulses.group(p), [&](Int x) GC_INLINE_LAMBDA {
+      return times_weight(x, to + p) - times_weight(x, from + p);
+    });
   };
-  sweep_pairs<T, false>(rows, pairs, law, single, nullptr, see, [=](std::size_t pair, Int4 f) GC_INLINE_LAMBDA {
-    const Int4 impulse = f * change(pair);
+  sweep_pairs<T, false>(rows, pairs, law, single, nullptr, see, [&](std::size_t pair, Int4 /*f*/) GC_INLINE_LAMBDA {
+    const Int4 impulse = impulses.of_pair(pair);
     ball[pairs.i[pair]] += impulse;
     if (both) ball[pairs.j[pair]] -= impulse;
   });

@@ -42,10 +42,10 @@ Real4 wide(const core::PairDirection& d) { return __builtin_convertvector(*reint
 
 template <bool kBoth>
 void gather(const core::PairSpan& pairs, const core::PairRecords& book, const core::Path* paths, const double* margin,
-            const Need* needs, std::size_t first, std::size_t n, Gathered& out) {
+            const Need* needs, std::uint32_t first_row, std::size_t first, std::size_t n, Gathered& out) {
   for (std::size_t q = 0; q < n; ++q) {
     const std::size_t p = first + q;
-    if constexpr (kBoth) __builtin_prefetch(needs + pairs.j[p], 1);  // for add_block()
+    if constexpr (kBoth) __builtin_prefetch(needs + (pairs.j[p] - first_row), 1);  // for add_block()
     // Accelerations are subtracted, inverse masses added.
     Real4 path = *reinterpret_cast<const Real4*>(paths + pairs.i[p]);
     out.room[q] = margin[pairs.i[p]];
@@ -135,7 +135,7 @@ void add_needs_of(const core::PairSpan& pairs, const core::PairRecords& book, co
   Judged judged;
   for (std::size_t first = begin; first < end; first += kBlock) {
     const std::size_t n = end - first < kBlock ? end - first : kBlock;
-    gather<kBoth>(pairs, book, paths, margin, needs, first, n, gathered);
+    gather<kBoth>(pairs, book, paths, margin, needs, first_row, first, n, gathered);
     std::size_t q = 0;
     for (; q + 8 <= n; q += 8) judge<Real8, kBoth>(book, with, first + q, q, gathered, level, judged);
     for (; q < n; ++q) judge<double, kBoth>(book, with, first + q, q, gathered, level, judged);

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 namespace grainclock::multirate {
 namespace {
@@ -60,7 +61,7 @@ Found find(Pairs& pairs, const core::Kernels& kernels) {
   Found out;
   const core::PairRecords records{pairs.overlap.data(), pairs.rate.data(), pairs.direction.data()};
   need_kernels_on(kernels).add({pairs.i.data(), pairs.j.data(), kPairs}, records, pairs.paths.data(), pairs.margin.data(),
-                        pairs.with, out.level.data(), out.needs.data(), 0, 0, kPairs);
+                               pairs.with, out.level.data(), out.needs.data(), 0, 0, kPairs);
   return out;
 }
 
@@ -123,7 +124,7 @@ TEST(Needs, AShareOfThePairsLeavesTheOthersAlone) {
   for (const std::size_t cut : {std::size_t{0}, std::size_t{130}}) {
     const std::size_t end = cut == 0 ? 130 : kPairs;
     need_kernels_on(core::kernels()).add({pairs.i.data(), pairs.j.data(), kPairs}, records, pairs.paths.data(), pairs.margin.data(),
-                                  pairs.with, parts.level.data(), parts.needs.data(), 0, cut, end);
+                                         pairs.with, parts.level.data(), parts.needs.data(), 0, cut, end);
     EXPECT_EQ(parts.level[130] == 77, cut == 0);
   }
   EXPECT_TRUE(parts == whole);
@@ -139,9 +140,70 @@ TEST(Needs, AreWrittenFromTheFirstRowOn) {
   pairs.margin.insert(pairs.margin.begin(), first, 0.0);
   Found shifted;
   need_kernels_on(core::kernels()).add({pairs.i.data(), pairs.j.data(), kPairs},
-                                {pairs.overlap.data(), pairs.rate.data(), pairs.direction.data()}, pairs.paths.data(),
-                                pairs.margin.data(), pairs.with, shifted.level.data(), shifted.needs.data(), first, 0, kPairs);
+                                       {pairs.overlap.data(), pairs.rate.data(), pairs.direction.data()}, pairs.paths.data(),
+                                       pairs.margin.data(), pairs.with, shifted.level.data(), shifted.needs.data(), first, 0, kPairs);
   EXPECT_TRUE(shifted == whole);
+}
+
+/// Needs of balls about as stable at each level, in two parts and of fixed balls.
+TEST(Needs, AreTakenByTheRulesOnEveryInstructionSet) {
+  constexpr std::size_t kTaken = 45;  // whole vectors and some
+  constexpr Level kCoarsest = 5;
+  const core::ContactLaw ball_law{1e7, 2e4, 0.0, false}, fixed_law{1e9, 2e5, 0.0, false};
+  std::vector<StepWeights> weights;
+  for (Level l = 0; l <= kCoarsest; ++l) weights.emplace_back(std::ldexp(1e-4, l), ball_law, fixed_law, 1.0 / 50.0);
+  Random random(11);
+  std::vector<Need> parts[3];  // two of balls, one of fixed balls
+  for (std::vector<Need>& part : parts) {
+    for (std::size_t row = 0; row < kTaken; ++row) {
+      Need need{};
+      NormalMatrix sum;
+      for (std::size_t k = random.below(4); k > 0; --k) {
+        const Vec3 n = random.direction();
+        sum += NormalMatrix::of(n.x(), n.y(), n.z(), std::pow(10.0, random.between(-2.0, 0.3)) / kMatrixUnit);
+      }
+      std::copy(sum.entry, sum.entry + 6, need.matrix);
+      need.smooth4 = random.below(2) == 0 ? 0.0 : random.between(0.0, 1e12);
+      need.impact4 = random.between(0.0, 1e12);
+      part.push_back(need);
+    }
+  }
+  for (const core::Kernels* kernels : core::runnable_kernels()) {
+    for (const bool with_fixed : {true, false}) {
+      for (const int balls : {0, 1, 2}) {
+        std::vector<Need> own[3] = {parts[0], parts[1], parts[2]};
+        Need* const of_balls[] = {own[0].data(), own[1].data()};
+        std::vector<double> smooth4(kTaken), impact4(kTaken);
+        std::vector<Level> level(kTaken);
+        need_kernels_on(*kernels).take(of_balls, balls, with_fixed ? own[2].data() : nullptr, kTaken, weights.data(), kCoarsest,
+                                       smooth4.data(), impact4.data(), level.data());
+        std::set<Level> seen;
+        for (std::size_t row = 0; row < kTaken; ++row) {
+          ContactMatrix matrix;
+          double smooth = 0.0, impact = 0.0;
+          const auto take = [&](const Need& need, NormalMatrix& sum) {
+            for (int k = 0; k < 6; ++k) sum.entry[k] += need.matrix[k];
+            smooth = std::max(smooth, need.smooth4);
+            impact = std::max(impact, need.impact4);
+          };
+          for (int t = 0; t < balls; ++t) take(parts[t][row], matrix.ball);
+          if (with_fixed) take(parts[2][row], matrix.fixed);
+          Level coarsest = kCoarsest;
+          while (coarsest > 0 && !is_stable(matrix, weights[coarsest])) --coarsest;
+          EXPECT_EQ(level[row], coarsest) << kernels->name << ", row " << row;
+          EXPECT_EQ(smooth4[row], smooth);
+          EXPECT_EQ(impact4[row], smooth > 0.0 ? impact / 81.0 : impact);  // kConfinedReach to the fourth power
+          seen.insert(coarsest);
+        }
+        EXPECT_GT(seen.size(), with_fixed || balls > 0 ? 2U : 0U);  // of levels
+        // None are left of those that were taken.
+        for (int part = 0; part < 3; ++part) {
+          const bool is_taken = part == 2 ? with_fixed : part < balls;
+          EXPECT_TRUE(same_bits(own[part], is_taken ? std::vector<Need>(kTaken) : parts[part]));
+        }
+      }
+    }
+  }
 }
 
 }  // namespace
