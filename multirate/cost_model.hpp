@@ -17,8 +17,8 @@ struct Prices {
   double call;        // of each uniform step, step of a level, or renewal, however small
 };
 constexpr Prices kUniformPrices{1.0, 1.2, 15.0};
-constexpr Prices kSelectivePrices{2.3, 1.2, 10.0};
-constexpr Prices kRenewalPrices{5.5, 12.0, 1600.0};  // of every listed pair and every ball
+constexpr Prices kSelectivePrices{2.1, 1.1, 10.0};
+constexpr Prices kRenewalPrices{4.4, 9.6, 1600.0};  // of every listed pair and every ball
 
 /// What was counted on a trial.
 struct Trial {
