@@ -37,7 +37,7 @@ TEST(CostModel, GainsByHand) {
   EXPECT_DOUBLE_EQ(its.ideal_gain, 240.0 * 2.0 / 280.0);
   EXPECT_DOUBLE_EQ(its.gain, 4.0 * 250.0 / 334.0);
   // Prices as in cost_model.hpp: three sweeps over levels, half a renewal of 300 pairs and 40 balls.
-  const double selective = 2.3 * 280.0 + 1.2 * 50.0 + 10.0 * 3.0 + 0.5 * (5.5 * 300.0 + 12.0 * 40.0 + 1600.0);
+  const double selective = 2.1 * 280.0 + 1.1 * 50.0 + 10.0 * 3.0 + 0.5 * (4.4 * 300.0 + 9.6 * 40.0 + 1600.0);
   EXPECT_DOUBLE_EQ(its.wall_gain, 4.0 * (250.0 + 1.2 * 40.0 + 15.0) / selective);
   EXPECT_FALSE(pays(its));
   EXPECT_TRUE(pays(price(two_levels(), {48, 334.0}, {2.5e-6, {100, 250.0}})));

@@ -95,7 +95,7 @@ TEST(PhaseSetup, FallsBackToUniformStepsOnlyWhereSelectiveOnesDoNotPay) {
   phase.every = 0.1;
   phase.stepping.levels = 12;
   core::State pairs;  // all alike: nothing to select
-  for (core::BallId k = 0; k < 500; ++k) {
+  for (core::BallId k = 0; k < 100; ++k) {
     const double y = 2.0 * static_cast<double>(k);  // m
     pairs.add(2 * k, core::Kind::content, core::Vec3(0, y, 0), core::Vec3::Zero(), 0.22);
     pairs.add(2 * k + 1, core::Kind::content, core::Vec3(0.4399, y, 0), core::Vec3::Zero(), 0.22);

@@ -45,7 +45,7 @@ State pile() {
 /// So many steps (multi-rate: on several levels) that a run can be stopped amid them on any machine.
 Words many_steps(const std::string& method) {
   if (method == "uniform") return {"--set", "stepping.method=uniform", "--set", "stepping.step=4e-7"};
-  return {"--set", "stepping.method=multirate", "--set", "stepping.step=2e-5", "--set", "stepping.tolerance=1e-6"};
+  return {"--set", "stepping.method=multirate", "--set", "stepping.step=4e-6", "--set", "stepping.tolerance=1e-6"};
 }
 const Words kManyCheckpoints{"--checkpoint-every", "0.02"};
 
