@@ -356,10 +356,9 @@ class MultirateStepper final : public core::BallStepper {
       if (!leaving.empty()) {
         // Without the balls that left the forces are evaluated anew: they open the next steps.
         remove_balls(leaving);
-        if (straight_.begin(balls_, list_.skins())) build_list();
         evaluated_ = balls_.rows;
         record_and_open();
-        straight_.begin(balls_, list_.skins());
+        begin_lines();
         classify(true);
         return;
       }
