@@ -18,7 +18,6 @@
 
 #include <algorithm>
 #include <array>
-
 #include <cmath>
 
 namespace grainclock::multirate {
@@ -37,7 +36,7 @@ class Extrapolate final : public InterfaceStrategy {
     setup_.kernels.drift(rows, steps.paths.data(), which, seconds);
   }
 
-  /// Balls without slow contacts move as in accumulate.
+  /// Balls without slow contacts, and all others in mid-step, are kicked as in accumulate.
   void kick(core::BallRow* rows, BallSteps& steps, const SummedRows& which, const core::KickParameters& p) override {
     std::array<std::uint32_t, kRowsAtOnce> plain, slow;
     for (std::size_t first = 0; first < which.rows.n; first += kRowsAtOnce) {
@@ -46,7 +45,7 @@ class Extrapolate final : public InterfaceStrategy {
       for (std::size_t k = first; k < end; ++k) {
         const std::uint32_t row = which.rows.row[k];
         plain[plain_rows] = slow[slow_rows] = row;
-        ++(has_slow_[row] != 0 ? slow_rows : plain_rows);
+        ++(has_slow_[row] != 0 && steps.level[row] <= p.level ? slow_rows : plain_rows);
       }
       setup_.kernels.kick(rows, steps.paths.data(), steps.balance.data(), steps.opening.data(), steps.level.data(),
                           steps.sums_of(which.first), steps.stride, which.parts, {plain.data(), plain_rows}, p);
@@ -101,14 +100,11 @@ class Extrapolate final : public InterfaceStrategy {
     has_slow_[row] = 1;
   }
 
+  /// Ends a step of a ball with slow contacts.
   void kick_slow(core::BallRow& ball, BallSteps& steps, std::uint32_t row, const SummedRows& which, const core::KickParameters& p) {
     const core::WeightedSum sum = steps.take_sums(row, which);
     IntVec& balance = steps.balance[row];
     const Level level = steps.level[row];
-    if (level > p.level) {
-      for (int a = 0; a < 3; ++a) balance.v[a] += 2 * sum.impulse.v[a];
-      return;
-    }
     Slow& slow = slow_[row];
     const bool is_between = level == p.level;
     const double per_unit = p.half_tick * (p.unit * steps.paths[row].inverse_mass);
