@@ -7,13 +7,10 @@
 
 namespace grainclock::multirate {
 
-namespace {
-constexpr int kBits = 16;  // that classes go by, the sign included
-}
-
 double shared_reach4(const std::vector<double>& strides4, std::size_t balls, double error_factor, double tolerance) {
   if (strides4.empty()) return std::numeric_limits<double>::infinity();
   // Counted in classes of a sixteenth of an octave, the leading bits of the numbers: no sort, and no order.
+  constexpr int kBits = 16;
   const auto class_of = [](double stride4) { return std::bit_cast<std::uint64_t>(stride4) >> (64 - kBits); };
   double smallest = strides4[0], greatest = strides4[0];
   for (const double stride4 : strides4) {

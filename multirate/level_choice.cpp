@@ -86,7 +86,7 @@ void LevelChoice::find_needs(const Recorded& recorded, const BallSteps& steps) {
   PairBook& book = recorded.books[false];
   core::share_range(recorded.ball_pairs.count, threads_, [&](int t, std::size_t begin, std::size_t end) {
     need_kernels_.add(recorded.ball_pairs.span(), book.records(0), steps.paths.data(), recorded.margin.data(),
-               need_parameters(false), book.level.data(), needs_[static_cast<std::size_t>(t)].data(), 0, begin, end);
+                      need_parameters(false), book.level.data(), needs_[static_cast<std::size_t>(t)].data(), 0, begin, end);
   });
 }
 
